@@ -35,11 +35,9 @@ def distant_delay(streams: Streams) -> float:
     """Return how late all stamps are where that is beyond what windows show, s; else, or where unknown, zero."""
     vel = next((one for one in streams.others if isinstance(one, Velocities)), None)
     imu = streams.imu
-    if vel is None or np.ptp(imu.t) < MIN_TIME:
+    if vel is None or vel.readings.sum() < 2 or np.ptp(imu.t) < MIN_TIME:
         return 0.0
-    known = np.isfinite(vel.values).all(axis=1)
-    if np.count_nonzero(known) < 2:
-        return 0.0
+    known = vel.readings
     sampled = np.arange(imu.t[0] + AVERAGING_TIME, imu.t[-1] - AVERAGING_TIME, OFFSET_STEP)
     rates = _turn_rate(imu, sampled)
     at = np.arange(vel.t[known][0], vel.t[known][-1], OFFSET_STEP)

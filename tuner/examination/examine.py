@@ -19,6 +19,7 @@ from tuner.examination.streams import Positions, Stream, Streams, receiver_strea
 from tuner.examination.windows import WINDOW_LENGTH, Inertial, longest_step
 from tuner.formats.grouping import gathered
 from tuner.limits import LOST_SHARE, TOLERATED_RATIO
+from tuner.readers.drive_checks import possible_drive
 from tuner.segments.stand_stills import inside, runs
 from tuner.types.clock import HALF_INTERVAL, Clock
 from tuner.types.public import public
@@ -69,10 +70,6 @@ class Examination(Shown):
 
     Attributes
     ----------
-    name : str
-        Of the drive.
-    length : float
-        Of the record of the inertial unit, s.
     rates : mapping of str to float
         Samples or readings a second of each stream, Hz.
     repairs : tuple of Repair
@@ -102,8 +99,6 @@ class Examination(Shown):
         A unit, sign or order of axes that is refuted as it is stated and fits in two others, in words; else empty.
     """
 
-    name: str
-    length: float
     rates: Mapping[str, float]
     repairs: tuple[Repair, ...]
     noise: tuple[StreamNoise, ...]
@@ -143,16 +138,13 @@ def examine(drive: Drive) -> Examination:
     Raises
     ------
     DataError
-        Where no window of ten seconds has inertial samples and fixes.
+        Where no window of ten seconds has inertial samples and fixes, or numbers are possible in no unit.
     """
     if drive.unusable:
         raise DataError(f"examine: {drive.source or drive.name} {drive.unusable}")
+    stamps, (counted, kept) = drive.imu_t, _frozen(drive)
+    drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
     whole = streams_of(drive)
-    stamps, frozen = drive.imu_t, _frozen(whole.imu)
-    if frozen is not None:
-        kept = ~frozen[1]
-        drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
-        whole = streams_of(drive)
     search = searched(whole, drive.source or drive.name)
     fit, repaired = search.after, applied(search.found, whole)
     unstated = drive.lever_arm is None or drive.mounting is None
@@ -161,7 +153,7 @@ def examine(drive: Drive) -> Examination:
     sure = [
         one for one in search.found if one.kind != "constant" and min(one.nats, one.over_next) > CERTAIN_ODDS
     ]
-    counted, lost, stale = [], [], []
+    lost, stale = [], []
     speed = _travelled(repaired.positions)
     for stream, noise, far, left, worth in zip(
         repaired.all, fit.noise, fit.wrong, fit.left, fit.worth, strict=True
@@ -170,31 +162,27 @@ def examine(drive: Drive) -> Examination:
         wrong = _wrong(stream, noise, far, left, worth)
         counted += [] if repeats is None else [repeats]
         repairs += [] if wrong is None else [wrong]
-        stale.append((stream.repeats | ~stream.readings.any()) & (repeats is not None))
+        stale.append((repeated(stream.values) | ~stream.readings.any()) & (repeats is not None))
         lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
     unsound, (of_sds, sds) = _unsound(fit), _right_sds(repaired, fit)
     repairs += [] if unsound is None else [unsound]
-    counted += of_sds
-    counted += [] if frozen is None else [frozen[0]]
     jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
-    counted += [*_gaps(stamps, jumps), *_saturated(drive)]
-    vibration = _vibration(drive, repaired)
+    counted += [*of_sds, *_gaps(stamps, jumps), *_at_ends(drive)]
     first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
     noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
     mended = _mended(drive, repaired, lost, sds)
+    possible_drive(mended)
     filtered = _mended(drive, applied(sure, whole), stale, sds)
     misfit = {
         stream.name: (stream.t, *(np.linalg.norm(one.left[k], axis=1) for one in (search.before, fit)))
         for k, stream in enumerate(whole.all)
     }
     return Examination(
-        drive.name,
-        float(np.ptp(drive.imu_t)),
         {"inertial unit": 1.0 / whole.imu.interval, **{one.name: 1.0 / one.interval for one in whole.all}},
         all_of,
         tuple(chain.from_iterable(noise_of)),
-        vibration,
+        _vibration(drive, repaired),
         search.unseen,
         "".join(arm),
         WINDOW_LENGTH * len(fit.begin),
@@ -266,17 +254,15 @@ def _repeats(stream: Stream, moving: NDArray[np.bool_]) -> Repair | None:
 
     Velocities of zero while a vehicle stands are put there by the receiver, and right.
     """
-    rows = stream.repeats
-    throughout = rows[1:].all()
-    if not throughout:
-        rows = rows & (moving | stream.values.any(axis=1))
+    rows = repeated(stream.values)
+    if len(rows) > 1 and rows[1:].all():
+        what = "zero" if not stream.values.any() else "the same"
+        return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
+    rows = rows & (moving | stream.values.any(axis=1))
     share = float(rows.mean())
     if share <= LOST_SHARE:
         return None
     longest = max(stop - start for start, stop in runs(rows, [(0, len(rows))]))
-    if throughout:
-        what = "zero" if not stream.values.any() else "the same"
-        return Repair(stream.name, f"are {what} in all {len(rows)} rows: no measurement", "left out")
     how = "" if longest == 1 else f", up to {longest} in a row"
     twice = (
         np.median(np.diff(stream.t)[rows[1:]]) < 0.1 * np.median(np.diff(stream.t)[~rows[1:]])
@@ -370,18 +356,28 @@ def _right_sds(streams: Streams, fit: Fit) -> tuple[list[Repair], list[FloatArra
     return found, right
 
 
-def _frozen(imu: Inertial) -> tuple[Repair, NDArray[np.bool_]] | None:
-    """Return in which time the inertial unit repeats one sample for a second or longer, and those rows."""
-    every = runs(repeated(imu.rates), [(0, len(imu.t))])
-    long = [(a, b) for a, b in every if imu.t[b - 1] - imu.t[a] >= 1.0]
-    if not long:
-        return None
-    rows = inside(len(imu.t), long)
-    seconds = sum(float(imu.t[b - 1] - imu.t[a]) for a, b in long)
-    what = "zeros" if not imu.rates[rows].any() else "one sample again and again"
-    begin, end = float(imu.t[long[0][0]]), float(imu.t[long[-1][1] - 1])
-    fault = f"gives {what} for {seconds:.3g} s: frozen, no measurement, from {begin:.0f} to {end:.0f} s"
-    return Repair("inertial unit", fault, "left out", size=seconds, unit="s", begin=begin, end=end), rows
+def _frozen(drive: Drive) -> tuple[list[Repair], NDArray[np.bool_]]:
+    """Return in which time a sensor repeats one sample for a second or longer, and the rows that are left.
+
+    At rest one sensor may give the same in its dead zone: there only both together are frozen.
+    """
+    t, kept, found = drive.imu_t, np.ones(len(drive.imu_t), dtype=bool), []
+    moving = np.interp(t, *_travelled(streams_of(drive).positions)) > MOVING_SPEED
+    for name, of in (("inertial unit", kept), ("gyro", moving), ("accelerometer", moving)):
+        rates = drive.rates[:, TRIADS[name]]
+        every = runs(repeated(rates) & of & kept, [(0, len(t))])
+        long = [(a, b) for a, b in every if t[b - 1] - t[a] >= 1.0]
+        if long and np.ptp(rates, axis=0).any():
+            rows = inside(len(t), long)
+            kept = kept & ~rows
+            seconds = sum(float(t[b - 1] - t[a]) for a, b in long)
+            what = "zeros" if not rates[rows].any() else "one sample again and again"
+            begin, end = float(t[long[0][0]]), float(t[long[-1][1] - 1])
+            fault = (
+                f"gives {what} for {seconds:.3g} s: frozen, no measurement, from {begin:.0f} to {end:.0f} s"
+            )
+            found.append(Repair(name, fault, "left out", size=seconds, unit="s", begin=begin, end=end))
+    return found, kept
 
 
 def _gaps(t: FloatArray, jumps: float) -> list[Repair]:
@@ -396,15 +392,19 @@ def _gaps(t: FloatArray, jumps: float) -> list[Repair]:
     return [Repair("inertial unit", fault, "", size=lost, unit="s")]
 
 
-def _saturated(drive: Drive) -> list[Repair]:
-    """Return which axes are saturated: far more often at an end of their range than just before it.
+def _at_ends(drive: Drive) -> list[Repair]:
+    """Return which axes never change, or are saturated: far more often at an end of their range than just before it.
 
     A density that falls towards its end puts at most half of the samples of its last two values on the last.
     """
     found = []
     for i, values in enumerate(drive.rates.T):
         levels, counts = np.unique(values, return_counts=True)
-        at, most = 0, 0.0
+        name, at, most = ("gyro", "accelerometer")[i // 3], 0, 0.0
+        if len(levels) == 1:
+            what = "one value" if levels.any() else "zero"
+            fault = f"gives {what} in all {len(values)} samples: no measurement"
+            found.append(Repair(f"{name} {AXES[i % 3]}", fault, ""))
         for end, before in ((0, 1), (-1, -2)) if len(levels) > 2 else ():
             both = counts[end] + counts[before]
             p = counts[end] / both
@@ -416,7 +416,6 @@ def _saturated(drive: Drive) -> list[Repair]:
             shown = f"{math.degrees(most):.4g} deg/s" if i < 3 else f"{most:.4g} m/s²"
             share = at / len(values)
             fault = f"{AXES[i % 3]} is saturated in {100.0 * share:.2g} % of the samples, at {shown}"
-            name = ("gyro", "accelerometer")[i // 3]
             found.append(Repair(name, fault, "", size=share, unit="share"))
     return found
 
@@ -426,18 +425,17 @@ def _variances(streams: Streams, fit: Fit) -> Repair | None:
 
     The logarithm of true ÷ reported sd has a Cauchy distribution for sds as for square roots of variances.
     """
-    nats, words = -CERTAIN_ODDS, []  # a column that is called sd holds sds
-    for stream, noise in zip(streams.all, fit.noise, strict=True):
-        for x in _noise(stream, noise):
-            if x.reported:
-                of_sd, of_variance = (
-                    math.log(x.sd / y) / REPORTED_SPREAD for y in (x.reported, math.sqrt(x.reported))
-                )
-                nats += math.log1p(of_sd**2) - math.log1p(of_variance**2)
-                words.append(
-                    f"{x.stream}{f' {x.part}' * bool(x.part)} {x.reported:.2g}, measured {x.sd:.2g} {x.unit}"
-                )
-    fault = f"are variances: {'; '.join(words)}"
+    pairs = zip(streams.all, fit.noise, strict=True)
+    stated = [(x, x.reported) for x in chain.from_iterable(_noise(*pair) for pair in pairs) if x.reported]
+    of_sd, of_variance = (
+        np.log1p([(math.log(x.sd / sd**power) / REPORTED_SPREAD) ** 2 for x, sd in stated]).sum()
+        for power in (1.0, 0.5)
+    )
+    nats = float(of_sd - of_variance) - CERTAIN_ODDS  # a column that is called sd holds sds
+    words = "; ".join(
+        f"{x.stream}{f' {x.part}' * bool(x.part)} {sd:.2g}, measured {x.sd:.2g} {x.unit}" for x, sd in stated
+    )
+    fault = f"are variances: {words}"
     return (
         Repair("reported standard deviations", fault, "their square roots used", nats) if nats > 0.0 else None
     )
@@ -455,21 +453,14 @@ def _noise(stream: Stream, noise: Noise) -> Sequence[StreamNoise]:
 
 def _vibration(drive: Drive, streams: Streams) -> dict[str, tuple[float, float]]:
     """Return the noise of samples at rest and in motion, by differences of neighbours in each second."""
-    rate = 1.0 / float(np.median(np.diff(drive.imu_t)))
-    many = max(round(rate), 8)
+    many = max(round(1.0 / float(np.median(np.diff(drive.imu_t)))), 8)
     blocks = len(drive.imu_t) // many
-    rough = np.diff(streams.imu.rates[: blocks * many].reshape(blocks, many, 6), axis=1).std(
-        axis=1
-    ) / math.sqrt(2.0)
+    steps = np.diff(streams.imu.rates[: blocks * many].reshape(blocks, many, 6), axis=1)
+    square = 0.5 * steps.var(axis=1).reshape(blocks, 2, 3).mean(axis=2)
     t = drive.imu_t[: blocks * many : many] + 0.5
-    speed = np.interp(t, *_travelled(streams.positions))
-    moving = speed > MOVING_SPEED
-    out: dict[str, tuple[float, float]] = {}
-    if moving.sum() < 2 * STILL_SECONDS or blocks < 2 * STILL_SECONDS:
-        return out
-    for name in ("gyro", "accelerometer"):
-        part = TRIADS[name]
-        size = np.sqrt((rough[:, part] ** 2).mean(axis=1))
-        quietest = np.sqrt(np.convolve(size**2, np.full(STILL_SECONDS, 1.0 / STILL_SECONDS), "valid").min())
-        out[name] = (float(quietest), float(np.median(size[moving])))
-    return out
+    moving = np.interp(t, *_travelled(streams.positions)) > MOVING_SPEED
+    if moving.sum() < 2 * STILL_SECONDS:
+        return {}
+    means = [np.convolve(x, np.full(STILL_SECONDS, 1.0 / STILL_SECONDS), "valid") for x in square.T]
+    pairs = np.sqrt([np.min(means, axis=1), np.median(square[moving], axis=0)]).T.tolist()
+    return {name: (still, fast) for name, (still, fast) in zip(("gyro", "accelerometer"), pairs, strict=True)}

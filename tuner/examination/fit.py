@@ -21,7 +21,7 @@ from scipy.special import digamma, gammaln
 from models import rotation
 from models.arrays import FloatArray, IntArray
 from models.earth import metres_per_radian
-from tuner.examination.streams import Positions, Stream, Streams, Velocities
+from tuner.examination.streams import Stream, Streams, Velocities
 from tuner.examination.windows import (
     ERRORS,
     KNOTS,
@@ -159,7 +159,6 @@ class Placed:
     stream: Stream
     row: IntArray  # (w, n) rows of the stream
     there: NDArray[np.bool_]  # (w, n) which places hold a reading
-    tau: FloatArray  # (w, n)
     local: FloatArray  # (w, n, d)
     at: Sampled  # of all places, one window behind the other
 
@@ -258,16 +257,12 @@ class Problem:
     def of(streams: Streams, windows: Windows) -> Problem:
         """Return those of the windows that have positions, and the readings in them."""
         positions = streams.positions
-        window = windows.found(np.where(_fitted(positions), positions.t, -np.inf))
-        count = np.bincount(window[window >= 0], minlength=len(windows.begin))
-        used = count >= LEAST_READINGS
+        row, there = _table(positions, _fitted(positions), windows)
+        used = there.sum(axis=1) >= LEAST_READINGS
         kept = windows if used.all() else windows.some(used)
-        places, speeds = np.zeros((2, len(kept.begin), 3))
-        row, there = _table(positions, _fitted(positions), kept)
-        for k, values in enumerate(
-            positions.values.T
-        ):  # medians: a start that is far off moves gravity by nothing
-            places[:, k] = _median(values[row], there)[:, 0]
+        # medians: a start that is far off moves gravity by nothing
+        places = np.column_stack([_median(x[row[used]], there[used]) for x in positions.values.T])
+        speeds = np.zeros_like(places)
         if len(places) > 1:
             steps = np.gradient(places, axis=0) * metres_per_radian(places) / np.gradient(kept.begin)[:, None]
             speeds = np.clip(steps, -1e3, 1e3)
@@ -276,12 +271,14 @@ class Problem:
 
     def first_guesses(self) -> list[Start]:
         """Return rotations of the windows by a stream, and with which probability readings then begin as wrong."""
-        found: list[Start] = []
-        for one in self.placed:
-            if isinstance(one.stream, Positions | Velocities) and (one.there.any() or one is self.placed[0]):
-                wrong = [np.full(x.there.shape, FIRST_WRONG if x is one else 0.5) for x in self.placed]
-                found.append((self._wahba(one), wrong))
-        return found
+        known = [one for one in self.placed[1:] if isinstance(one.stream, Velocities) and one.there.any()]
+        return [
+            (
+                self._wahba(one),
+                [np.full(x.there.shape, FIRST_WRONG if x is one else 0.5) for x in self.placed],
+            )
+            for one in (self.placed[0], *known)
+        ]
 
     def likeliest(self, guesses: Sequence[Start], rounds: int) -> Fit:
         """Return the likeliest of the fits that begin from first guesses."""
@@ -337,7 +334,7 @@ class Problem:
         Wahba's problem by singular values, with weights of a Cauchy distribution about the median misfit.
         """
         (w, n), velocity = one.there.shape, isinstance(one.stream, Velocities)
-        g, tau, there = of_the_earth(self.places, self.speeds)[2], one.tau, one.there
+        g, tau, there = of_the_earth(self.places, self.speeds)[2], one.at.tau.reshape(w, n), one.there
         # a vertical velocity that is missing changes little beside gravity
         values = np.pad(one.local, ((0, 0), (0, 0), (0, 3 - one.local.shape[2])))
         own = one.at.vectors[..., 0 if velocity else 1].reshape(w, n, 3)
@@ -403,15 +400,14 @@ class Problem:
             before, x = float(total.sum()), both.x[0].copy()
             attitude = rotation.mat_from_rotvec(x[:, TURN]) @ attitude
             x[:, TURN] = 0.0
-        wrong = [(d * h).sum(axis=0) for d, h in zip(chance, weight, strict=True)]
-        left = [(h[..., None] * e).sum(axis=0) for h, e in zip(weight, both.left, strict=True)]
+        parts = list(zip(self.placed, chance, weight, both.left, strict=True))
         return Fit(
             total,
             self.windows.begin,
             tuple(noise),
             unsound,
-            tuple(one.whole(x) for x, one in zip(wrong, self.placed, strict=True)),
-            tuple(one.whole(x) for x, one in zip(left, self.placed, strict=True)),
+            tuple(one.whole((d * h).sum(axis=0)) for one, d, h, _ in parts),
+            tuple(one.whole((h[..., None] * e).sum(axis=0)) for one, _, h, e in parts),
             tuple(_worth(s[0], h[0], n) for s, h, n in zip(both.squares, weight, noise, strict=True)),
             float((total - good).sum()),
             errors,
@@ -592,10 +588,8 @@ def _worth(squares: FloatArray, share: FloatArray, noise: Noise) -> float:
 
 def _median(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """Return the median of each row of those that are there, shape (w, 1), 1 where none is."""
-    many = there.sum(axis=1, keepdims=True)
-    ordered = np.sort(np.pad(np.where(there, values, np.inf), ((0, 0), (0, 1)), constant_values=np.inf))
-    low, high = (np.take_along_axis(ordered, k, axis=1) for k in ((many - 1) // 2, many // 2))
-    return np.where(many > 0, 0.5 * (low + high), 1.0)
+    of_rows = np.ma.median(np.ma.array(values, mask=~there), axis=1)  # type: ignore[no-untyped-call]
+    return np.asarray(of_rows.filled(1.0))[:, None]
 
 
 def _fitted(one: Stream) -> NDArray[np.bool_]:
@@ -629,7 +623,7 @@ def _placed(
     of_row = np.zeros((len(one.t), 3))
     of_row[row[there]] = places[window[there.ravel()]]
     local = np.where(there[..., None], one.local(of_row)[row], 0.0)
-    return Placed(one, row, there, tau, local, sampled(windows, window, tau.ravel(), places, speeds))
+    return Placed(one, row, there, local, sampled(windows, window, tau.ravel(), places, speeds))
 
 
 def constants(

@@ -189,12 +189,11 @@ class _Problem:
 
     def starts(self, now: Fit) -> list[_Settled]:
         """Return where the search begins: at no delay, and at the likeliest of `NEAR_DELAYS` if that is likelier."""
-        found = [_Settled(np.zeros(len(self.prior)), self.prior, self.streams, now)]
-        for delay in NEAR_DELAYS:
-            value = np.where(np.arange(len(self.prior)), 0.0, delay)
-            found.append(self.at(value, self.prior, now))
-        likeliest = max(found, key=lambda at: at.fit.total)
-        return [found[0]] if likeliest is found[0] else [found[0], likeliest]
+        first = _Settled(np.zeros(len(self.prior)), self.prior, self.streams, now)
+        alone = np.eye(len(self.prior))[0]
+        near = [self.at(delay * alone, self.prior, now) for delay in NEAR_DELAYS]
+        likeliest = max(near, key=lambda at: at.fit.total)
+        return [first, likeliest] if likeliest.fit.total > now.total else [first]
 
     def settled(self, at: _Settled, free: FloatArray, opened: int = 0) -> _Settled:
         """Return constants with prior sds `free` where no step makes them likelier, from others.

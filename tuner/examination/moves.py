@@ -9,6 +9,7 @@ from itertools import permutations, product
 from typing import Literal
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from models import rotation
 from models.arrays import FloatArray
@@ -63,6 +64,11 @@ class Move(Repair):
     rival: Move | None = None
 
     @property
+    def whole(self) -> bool:
+        """Whether it is one of the whole drive."""
+        return self.begin is None and self.end is None
+
+    @property
     def repair(self) -> Repair:
         """What of it a report needs."""
         return Repair(**{one.name: getattr(self, one.name) for one in fields(Repair)})
@@ -85,20 +91,17 @@ class BodyVelocities(Velocities):
 def moves(streams: Streams) -> Iterator[Move]:
     """Return every fault that is tried, of the streams that are there."""
     yield from _inertial_moves(streams.imu.interval)
-    exchange = of_values(
-        "fixes", "have latitude and longitude exchanged", "exchanged back", _linear(np.eye(3)[[1, 0, 2]])
-    )
-    down, subject = times(1.0, 1.0, -1.0), "sign of the heights"
-    upside = of_values("fixes", "have heights with the wrong sign", "heights multiplied by −1", down, subject)
-    degrees = times(180.0 / np.pi, 180.0 / np.pi, 1.0)
-    radians = of_values("fixes", "are in rad, read as degrees", "latitude and longitude in degrees", degrees)
-    feet = of_values(
-        "fixes", "have heights in ft, read as m", f"heights multiplied by {FOOT}", times(1.0, 1.0, FOOT)
-    )
-    for fault in (exchange, upside, radians, feet):  # of a part they would be a step of the positions as well
-        places = np.abs(fault.mended(streams).positions.values[:, :2])
+    degrees, heights = times(180.0 / np.pi, 180.0 / np.pi, 1.0), "sign of the heights"
+    for fault, done, change, subject in (
+        ("have latitude and longitude exchanged", "exchanged back", _linear(np.eye(3)[[1, 0, 2]]), ""),
+        ("have heights with the wrong sign", "heights multiplied by −1", times(1.0, 1.0, -1.0), heights),
+        ("are in rad, read as degrees", "latitude and longitude in degrees", degrees, ""),
+        ("have heights in ft, read as m", f"heights multiplied by {FOOT}", times(1.0, 1.0, FOOT), ""),
+    ):
+        found = of_values("fixes", fault, done, change, subject)
+        places = np.abs(found.mended(streams).positions.values[:, :2])
         if np.all(np.nanmax(places, axis=0) <= LARGEST_PLACE):
-            yield replace(fault, partial=False)
+            yield replace(found, partial=False)  # of a part it would be a step of the positions as well
     for one in streams.others:
         if isinstance(one, Velocities):
             yield from _velocity_moves(one, whole=not isinstance(one, HorizontalVelocities))
@@ -117,7 +120,13 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
             signs = times(*(-1.0 if i == j else 1.0 for j in range(3)))
             done, subject = f"{axis} multiplied by −1", f"sign of {name} {axis}"
             yield of_values(name, f"{axis} has the wrong sign", done, signs, subject)
-    for turn in _turns():
+    # but for the name as it is and the sign of one axis
+    turns = (
+        np.eye(3)[list(order)] * np.array(signs)[:, None]
+        for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+        if order != (0, 1, 2) or signs.count(-1.0) > 1
+    )
+    for turn in turns:
         words = ", ".join(
             f"{axis} is {'−' * bool(row.min() < 0.0)}{AXES[int(np.argmax(np.abs(row)))]}"
             for axis, row in zip(AXES, turn, strict=True)
@@ -125,18 +134,28 @@ def _inertial_moves(interval: float) -> Iterator[Move]:
         )
         fault = f"has its axes exchanged against the accelerometer: its {words}"
         yield of_values("gyro", fault, "its axes named anew", _linear(turn.T))
-    against = "has the sign of gravity, not of the specific force"
-    yield of_values("accelerometer", against, "multiplied by −1", times(-1.0), "sign of the accelerometer")
-    left = "gyro and accelerometer multiplied by −1"
-    yield of_values("inertial unit", "has left-handed axes", left, times(-1.0), "handedness of the axes")
-    per_sample = 1.0 / interval
-    rates = {unit: unit_value(unit) for unit in ("deg/s", "mrad/s", "mdeg/s")}
-    yield from _units("gyro", "is", "rad/s", {**rates, f"rad in {interval:.4g} s": per_sample})
-    yield from _units("gyro", "is", "deg/s", {"rad/s": 180.0 / np.pi})
-    forces = {unit: unit_value(unit) for unit in ("g", "mg", "ft/s²")}
-    gained = {f"m/s gained in {interval:.4g} s": per_sample}
-    yield from _units("accelerometer", "is", "m/s²", {**forces, **gained})
-    yield from _units("accelerometer", "is", "g", {"m/s²": 1.0 / unit_value("g")})
+    for name, fault, done, subject in (
+        (
+            "accelerometer",
+            "has the sign of gravity, not of the specific force",
+            "multiplied by −1",
+            "sign of the accelerometer",
+        ),
+        (
+            "inertial unit",
+            "has left-handed axes",
+            "gyro and accelerometer multiplied by −1",
+            "handedness of the axes",
+        ),
+    ):
+        yield of_values(name, fault, done, times(-1.0), subject)
+    for name, gained, read_as, others in (
+        ("gyro", "rad in", "rad/s", ("deg/s", "mrad/s", "mdeg/s")),
+        ("accelerometer", "m/s gained in", "m/s²", ("g", "mg", "ft/s²")),
+    ):
+        units = {unit: unit_value(unit) for unit in others}
+        yield from _units(name, "is", read_as, {**units, f"{gained} {interval:.4g} s": 1.0 / interval})
+        yield from _units(name, "is", others[0], {read_as: 1.0 / unit_value(others[0])})
 
 
 def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> Iterator[Move]:
@@ -149,7 +168,7 @@ def _units(name: str, verb: str, read_as: str, units: Mapping[str, float]) -> It
 
 def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
     """Return faults of velocities, whole ones or horizontal ones alone."""
-    name = stream.name
+    name, up = stream.name, times(1.0, 1.0, -1.0)
     units = {"knots": "kn", **{unit: unit for unit in ("km/h", "mph", "ft/s", "cm/s", "mm/s")}}
     yield from _units(name, "are", "m/s", {word: unit_value(unit) for word, unit in units.items()})
     for unit, one in (("", 1.0), (" in rad", 180.0 / np.pi)):
@@ -157,13 +176,16 @@ def _velocity_moves(stream: Velocities, *, whole: bool) -> Iterator[Move]:
         if one * np.nanmax(np.abs(stream.values[:, 1])) <= LARGEST_COURSE:
             yield of_values(name, f"are speed and course{unit}", "turned into north and east", course)
     north_east_down = _linear(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+    third, its_third = (", up", ", down") if whole else ("", "")
+    order = f"put in the order north, east{its_third}"
+    yield of_values(name, f"are east, north{third}", order, north_east_down)
     if not whole:
-        yield of_values(name, "are east, north", "put in the order north, east", north_east_down)
         return
-    up = "have the wrong vertical sign: they point up, not down"
-    down, subject = "third component multiplied by −1", "vertical sign of the velocities"
-    yield of_values(name, up, down, times(1.0, 1.0, -1.0), subject)
-    yield of_values(name, "are east, north, up", "put in the order north, east, down", north_east_down)
+    wrong, subject = (
+        "have the wrong vertical sign: they point up, not down",
+        "vertical sign of the velocities",
+    )
+    yield of_values(name, wrong, "third component multiplied by −1", up, subject)
     yield Move(
         name,
         "are in the axes of the unit, not north, east, down",
@@ -178,13 +200,13 @@ def _turned(stream: Velocities, positions: Positions) -> Move:
     """Return that velocities are turned about the vertical, by the angle to the ways of the positions in windows."""
     places, speeds = positions.values[positions.readings], stream.values[stream.readings]
     t, its = positions.t[positions.readings], stream.t[stream.readings]
-    moved = np.diff(places, axis=0) * metres_per_radian(places[1:])
-    by_speed = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(its)[:, None]
     ends = np.arange(t[1], t[-1], WINDOW_LENGTH)
-    way, its_way = (
-        np.diff(np.interp(ends, stamps[1:], np.cumsum(x[:, 0] + 1j * x[:, 1])))
-        for stamps, x in ((t, moved), (its, by_speed))
+    there, gone = (
+        np.column_stack([np.interp(ends, stamps, x) for x in values.T])
+        for stamps, values in ((t, places), (its, cumulative_trapezoid(speeds, its, axis=0, initial=0)))
     )
+    moved = np.diff(there, axis=0) * metres_per_radian(there[1:])
+    way, its_way = (x[:, 0] + 1j * x[:, 1] for x in (moved, np.diff(gone, axis=0)))
     product = its_way * way.conj()
     angle = float(np.angle(product.sum()))
     scatter = np.linalg.norm((product * np.exp(-1j * angle)).imag) / max(abs(product.sum()), 1e-9)
@@ -195,14 +217,6 @@ def _turned(stream: Velocities, positions: Positions) -> Move:
     fault = f"are turned {way_round} by {size:.1f} deg ({low:.1f} to {high:.1f}), seen from above"
     found = of_values(stream.name, fault, "turned back", _linear(turn))
     return replace(found, size=size, interval=(low, high), unit="deg")
-
-
-def _turns() -> Iterator[FloatArray]:
-    """Return the ways to name the axes of a triad anew, but for the name as it is and the sign of one axis."""
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            if order != (0, 1, 2) or signs.count(-1.0) > 1:
-                yield np.eye(3)[list(order)] * np.array(signs)[:, None]
 
 
 def _linear(matrix: FloatArray) -> Change:

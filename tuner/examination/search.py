@@ -43,9 +43,7 @@ def applied(found: Sequence[Move], streams: Streams) -> Streams:
     """Return streams without faults that were found in slower ones."""
     for one in found:
         mended = one.mended(streams)
-        streams = (
-            mended if one.begin is None and one.end is None else between(streams, mended, one.begin, one.end)
-        )
+        streams = mended if one.whole else between(streams, mended, one.begin, one.end)
     return streams
 
 
@@ -94,18 +92,15 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
     at = installed(begun, now)
     gain = at.gain
     for _ in range(MOST_FAULTS):
-        whole_ones = [one for one in found if one.begin is None and one.end is None]
         # no unit is taken twice
-        read = {(one.stream, one.fault) for one in whole_ones if one.kind == "reading"}
+        read = {(one.stream, one.fault) for one in found if one.whole and one.kind == "reading"}
         left = [one for one in moves(at.streams) if (one.stream, one.fault) not in read]
         # a lever arm may stand for a fault: each is tried without one, and beside one of its own
         bare = at.streams.changed(lambda one: replace(one, arm=recorded.positions.arm))
         plain = at.fit if bare.positions.arm == at.streams.positions.arm else fit(bare)
         tried, unseen = _tried(bare, plain, left)
         less = at.fit.total - plain.total
-        better = [one for one in tried if one[0].nats > 0.0]
-        while better and not _says_more_than_none(*better[0]):
-            better = better[1:]
+        better = [one for one in tried if one[0].nats > 0.0 and _says_more_than_none(*one)]
         settled = [
             (replace(one, nats=one.nats + there.gain - less), now, there)
             for one, streams, now in better
@@ -164,9 +159,8 @@ def _joined(found: Sequence[Move], constant: Mapping[str, Move], gain: float) ->
     """Return the faults, each constant once and of the size that it has in the end; all gain together, nats."""
     # a search may have taken up a delay beside a fault that it found later
     first = {one.subject: one for one in reversed(found) if one.kind == "constant"}
-    odds = {subject: (one.nats, one.over_next) for subject, one in first.items()}
-    sizes = ((move, odds.get(subject, (gain, math.inf))) for subject, move in constant.items())
-    delays = (replace(move, nats=nats, over_next=over_next) for move, (nats, over_next) in sizes)
+    said = ((move, first.get(subject, replace(move, nats=gain))) for subject, move in constant.items())
+    delays = (replace(move, nats=one.nats, over_next=one.over_next) for move, one in said)
     return (*delays, *(one for one in found if one.kind != "constant"))
 
 
@@ -187,12 +181,11 @@ def _tried(
         promise.append(_best_part(gains)[2])
         if fault.subject and abs(gains.sum()) < UNSEEN_GAIN:
             unseen.append(fault.subject)
-    out = []
-    for k in np.argsort(promise)[::-1][:REFITTED_FAULTS]:
-        if promise[k] > 0.0:
-            out.append(_whole_or_part(streams, now, faults[k], price, part))
-    out += _stepped(streams, now, price)
-    return sorted(out, key=lambda one: -one[0].nats), tuple(dict.fromkeys(unseen))
+    likely = [faults[k] for k in np.argsort(promise)[::-1][:REFITTED_FAULTS] if promise[k] > 0.0]
+    out = [_whole_or_part(streams, now, fault, price, part) for fault in likely]
+    return sorted([*out, *_stepped(streams, now, price)], key=lambda one: -one[0].nats), tuple(
+        dict.fromkeys(unseen)
+    )
 
 
 def _whole_or_part(
@@ -286,10 +279,12 @@ def _stepped(streams: Streams, now: Fit, price: float) -> list[tuple[Move, Strea
     beside = replace(streams, imu=replace(streams.imu, t=streams.imu.t[span], rates=streams.imu.rates[span]))
     jump = np.where(np.abs(odd[row]) > CERTAIN_SDS * usual, odd[row], 0.0)
     after = fit(_step(jump, time).mended(beside), every=True)
-    halves = _halves(streams, after, time)
-    if halves is None:
+    left, far = after.left[0], streams.positions.t - time
+    here = np.isfinite(left[:, 0]) & (np.abs(far) < 0.5 * WINDOW_LENGTH)
+    before, behind = left[here & (far < 0.0)], left[here & (far > 0.0)]
+    if not len(before) or not len(behind):
         return []
-    jump = jump + halves
+    jump = jump + np.median(behind, axis=0) - np.median(before, axis=0)
     move = _step(np.where(np.abs(jump) > CERTAIN_SDS * after.noise[0].sd, jump, 0.0), time)
     gain = fit(move.mended(beside)).total - fit(beside).total - price
     if gain <= 0.0:
@@ -308,16 +303,6 @@ def _usual_moves(streams: Streams, t: FloatArray, moved: FloatArray) -> FloatArr
             known = np.column_stack([np.interp(t, one.t[rows], x) for x in one.values[rows].T])
             return np.pad(0.5 * (known[1:] + known[:-1]) * step, ((0, 0), (0, 3 - known.shape[1])))
     return np.asarray(median_filter(moved / step, (5, 1)) * step)
-
-
-def _halves(streams: Streams, found: Fit, time: float) -> FloatArray | None:
-    """Return how much positions still step at a time, by the residuals of the window about it; None without both."""
-    left, t = found.left[0], streams.positions.t
-    window = np.searchsorted(found.begin, t, side="right") - 1
-    here = np.isfinite(left[:, 0]) & (window == np.searchsorted(found.begin, time, side="right") - 1)
-    if not (here & (t < time)).any() or not (here & (t > time)).any():
-        return None
-    return np.asarray(np.median(left[here & (t > time)], axis=0) - np.median(left[here & (t < time)], axis=0))
 
 
 def _step(jump: FloatArray, time: float) -> Move:

@@ -75,13 +75,8 @@ class Stream(ABC):
     @property
     def readings(self) -> NDArray[np.bool_]:
         """Which rows hold a reading, shape (k,): none that repeats the row before, and none where all are the same."""
-        there: NDArray[np.bool_] = np.isfinite(self.values).all(axis=1) & ~self.repeats
-        return there & ~self.repeats[1:].all()
-
-    @property
-    def repeats(self) -> NDArray[np.bool_]:
-        """Which rows repeat the one before exactly, shape (k,)."""
-        return repeated(self.values)
+        there, repeats = np.isfinite(self.values).all(axis=1), repeated(self.values)
+        return np.asarray(there & ~repeats & ~repeats[1:].all())
 
     @property
     def interval(self) -> float:

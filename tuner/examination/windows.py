@@ -19,12 +19,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from models import earth, rotation, vector3
+from models import earth, rotation
 from models.arrays import FloatArray, IntArray
 
 WINDOW_LENGTH = 10.0
@@ -108,11 +109,10 @@ class Windows:
 
     def found(self, t: FloatArray) -> IntArray:
         """Return the window that holds each time, −1 where none does."""
-        if not len(self.begin):
-            return np.full(len(t), -1)
         at = np.searchsorted(self.begin, t, side="right") - 1
-        inside = (at >= 0) & (t - self.begin[np.maximum(at, 0)] < self.t[np.maximum(at, 0), -1])
-        return np.where(inside, at, -1)
+        # NaN before the first
+        begin, length = (np.append(x, np.nan)[at] for x in (self.begin, self.t[:, -1]))
+        return np.where(t - begin < length, at, -1)
 
 
 def averaged(imu: Inertial, rate: float = MAX_RATE) -> Inertial:
@@ -130,25 +130,22 @@ def longest_step(steps: FloatArray) -> float:
     return max(LONGEST_STEP, 3.0 * float(np.median(steps)))
 
 
-def windows_of(imu: Inertial, only: IntArray | None = None) -> Windows:
+def windows_of(imu: Inertial, only: IntArray | slice = slice(None)) -> Windows:
     """Cut samples into windows without gaps, all or only some by their number, and integrate them."""
     usual = float(np.median(np.diff(imu.t)))
     n = round(WINDOW_LENGTH / usual)
     first = np.arange(0, len(imu.t) - n, n)
     rows = first[:, None] + np.arange(n + 1)
     t = imu.t[rows]
-    whole = np.diff(t, axis=1).max(axis=1, initial=0.0) < longest_step(np.diff(imu.t))
-    whole = np.flatnonzero(whole) if only is None else np.flatnonzero(whole)[only]
+    whole = np.flatnonzero(np.diff(t, axis=1).max(axis=1, initial=0.0) < longest_step(np.diff(imu.t)))[only]
     t, rates = t[whole], imu.rates[rows[whole]]
     begin = t[:, 0]
     t = t - begin[:, None]
     step = np.diff(t, axis=1)[..., None]
     turn = rotation.mat_from_rotvec(rates[:, 1:, :3] * step)
     half = rotation.mat_from_rotvec(rates[:, 1:, :3] * (0.5 * step))
-    attitude = np.empty((*t.shape, 3, 3))
-    attitude[:, 0] = np.eye(3)
-    for k in range(n):
-        attitude[:, k + 1] = attitude[:, k] @ turn[:, k]
+    still = np.broadcast_to(np.eye(3), (len(t), 3, 3))
+    attitude = np.stack(list(accumulate(turn.swapaxes(0, 1), np.matmul, initial=still)), axis=1)
     middle = attitude[:, :-1] @ half
     gained = np.einsum("wkij,wkj->wki", middle, rates[:, 1:, 3:]) * step
     integral = partial(cumulative_trapezoid, x=t[..., None], axis=1, initial=0)
@@ -246,9 +243,8 @@ def sampled(
         rate need them.
     """
     m, u = len(tau), UNKNOWNS
-    interval = WINDOW_LENGTH / (windows.t.shape[1] - 1)
     last = windows.t.shape[1] - 1
-    right = np.clip((tau / interval).astype(int) + 1, 1, last)
+    right = np.clip((tau / (WINDOW_LENGTH / last)).astype(int) + 1, 1, last)
     for _ in range(3):  # stamps are even but for their scatter
         right = np.where(windows.t[window, right] < tau, np.minimum(right + 1, last), right)
         right = np.where(windows.t[window, right - 1] > tau, np.maximum(right - 1, 1), right)
@@ -313,8 +309,8 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     turns, carried, g = at.earth
     s = at.tau[:, None]
     travelled = p + 0.5 * g * s**2
-    velocity = v + g * s - _cross(turns, v1) - _cross(carried, travelled)
-    position = travelled - _cross(turns, p1) - _cross(carried, long + g * s**3 / 6.0)
+    velocity = v + g * s - np.cross(turns, v1) - np.cross(carried, travelled)
+    position = travelled - np.cross(turns, p1) - np.cross(carried, long + g * s**3 / 6.0)
     by_velocity, by_position = at.by_velocity.copy(), at.by_position.copy()
     by_velocity[..., ACCEL_BIAS], by_position[..., ACCEL_BIAS] = -a, -a1
     by_velocity[..., GYRO_BIAS], by_position[..., GYRO_BIAS] = b, b1
@@ -329,11 +325,6 @@ def motion_of(at: Sampled, attitude: FloatArray, x: FloatArray) -> Motion:
     return Motion(
         position, velocity, c @ at.attitude, at.rate, at.rate_change, forced + g, by_position, by_velocity
     )
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b by rows."""
-    return np.stack(vector3.cross(tuple(a.T), tuple(b.T)), axis=-1)
 
 
 def of_the_earth(places: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

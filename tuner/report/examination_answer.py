@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich.table import Table
 
 from tuner.examination.examine import Examination
@@ -29,7 +30,8 @@ def examination_answer(found: Examination) -> Document:
     unseen = f"Could not have shown: {listed}" if listed else ""
     return document(
         [
-            f"{found.name}, {span_text(found.length)}: {rates}; {span_text(found.seconds)} of it compared",
+            f"{found.mended.name}, {span_text(float(np.ptp(found.mended.imu_t)))}: {rates}; "
+            f"{span_text(found.seconds)} of it compared",
             f"Verdict: {examination_verdict(found)}",
             *repairs[:SHOWN_REPAIRS],
             _noise_table(found),

@@ -121,6 +121,29 @@ def test_an_axis_at_the_end_of_its_range_is_saturated(drive: Drive) -> None:
     assert not any("saturated" in one.fault for one in examine(drive).repairs)
 
 
+@pytest.mark.parametrize(
+    ("columns", "seconds", "words"),
+    [
+        (slice(2, 3), slice(0.0, 300.0), "gyro z gives zero in all 15001 samples: no measurement"),
+        (slice(0, 3), slice(150.0, 170.0), "gyro gives zeros for 20 s: frozen, no measurement"),
+    ],
+)
+def test_a_sensor_that_never_moves_measures_nothing(
+    drive: Drive, columns: slice, seconds: slice, words: str
+) -> None:
+    """Seen: nothing contradicted a gyro of zeros while the course turned by five rounds."""
+    rates = drive.rates.copy()
+    rates[(drive.imu_t >= seconds.start) & (drive.imu_t <= seconds.stop), columns] = 0.0
+    assert words in first(examine(replace(drive, rates=rates)))
+
+
+def test_latitudes_beyond_the_pole_are_refused(drive: Drive) -> None:
+    """Nothing contradicted them, and the next command refused them."""
+    north = drive.gnss.llh + np.array([np.radians(95.0) - drive.gnss.llh[0, 0], 0.0, 0.0])
+    with pytest.raises(DataError, match="expected latitudes in degrees, got up to 95"):
+        examine(replace(drive, gnss=replace(drive.gnss, llh=north)))
+
+
 def test_wrong_readings_are_told_where_the_fit_looks_at_none_of_them() -> None:
     # Seen: every tenth velocity wrong at 10 Hz, of which every fifth is fitted, and nothing was named.
     gnss = replace(load_gnss("rtk"), interval=0.1)
