@@ -70,7 +70,9 @@ def described(value: object) -> str:
     if isinstance(value, list | tuple | set | dict):
         types = f" ({', '.join(dict.fromkeys(type(one).__name__ for one in value))})" if value else ""
         numbers = (one for one in value if isinstance(one, float))
-        return f"{kind} of {len(value)}{types}{'' if all(map(math.isfinite, numbers)) else ', not all finite'}"
+        return (
+            f"{kind} of {len(value)}{types}{'' if all(map(math.isfinite, numbers)) else ', not all finite'}"
+        )
     return kind
 
 
