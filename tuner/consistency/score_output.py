@@ -301,7 +301,7 @@ def score_arrays(
     if np.isfinite(e).all() and not np.isfinite(p).all():
         raise DataError("covariances: expected finite numbers, found NaN or infinite ones")
     if p.shape == np.shape(errors) and p.ndim > 1:
-        if p.min() <= 0.0:
+        if (p <= 0.0).any():
             raise DataError(f"covariances: expected sds above 0, found {p.min():g}")
         p = p[..., None] ** 2 * np.eye(k)
     if e.ndim != 3 or 0 in e.shape or p.shape[-2:] != (k, k) or p.ndim > 4:

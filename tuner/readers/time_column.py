@@ -140,7 +140,8 @@ def read_clock(
             factor = 1.0
             notes.append(f"time column '{name}': clock times {how} were read as seconds of the day")
     clock = _only(time, on)
-    if (back := float(np.mean(np.diff(clock) < 0.0))) > MAX_DISORDERED_SHARE:
+    back = np.count_nonzero(np.diff(clock) < 0.0) / len(clock)
+    if back > MAX_DISORDERED_SHARE:
         raise DataError(
             f"time column '{name}': {100.0 * back:.0f} % of its steps go back: sort the rows by time, or choose "
             "another column"

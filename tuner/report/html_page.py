@@ -25,7 +25,6 @@ from tuner.pipeline import EXPORTED_DIALECTS
 from tuner.report.alike_sentences import alike_sentences
 from tuner.report.axis_figure import axis_figure
 from tuner.report.document import Document
-from tuner.report.drive_answer import fixes_parts
 from tuner.report.identification_answer import warning_lines
 from tuner.report.identification_tables import identification_tables
 from tuner.report.interactive_figure import Chart, charts_of_figure
@@ -34,6 +33,7 @@ from tuner.report.page_findings import findings_content
 from tuner.report.page_parts import Picture, blocks
 from tuner.report.tune_answer import (
     against_datasheet,
+    fixes_content,
     left_out_groups,
     left_out_text,
     noise_tables,
@@ -83,16 +83,7 @@ def write_page(
     axes = list(dict.fromkeys(axis for by_axis in curves.values() for axis in by_axis))
     noise = blocks(identification_tables(result.identification))
     measured = noise_tables(result, result.exports)
-    fixes = (
-        []
-        if result.drive is None
-        else fixes_parts(
-            result.drive,
-            result.config,
-            written=bool(result.exports),
-            mended=bool(result.examination and result.examination.mends),
-        )
-    )
+    fixes = fixes_content(result)
     others = {
         name: export(result.config, name)
         for name, dialect in DIALECTS.items()

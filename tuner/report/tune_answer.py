@@ -104,16 +104,7 @@ def tune_answer(result: TuneResult, directory: Path | None, dialect: str | None 
         reason,
         *keys,
         *noise[1:],
-        *(
-            []
-            if result.drive is None
-            else fixes_parts(
-                result.drive,
-                result.config,
-                written=bool(result.exports),
-                mended=bool(result.examination and result.examination.mends),
-            )
-        ),
+        *fixes_content(result),
         *([] if result.choice is None else choice_parts(result.choice, scored)),
         *([] if result.run is None else pose_run_lines(result.run)),
         *found[:1],
@@ -156,6 +147,14 @@ def noise_tables(result: TuneResult, files: Iterable[str]) -> list[Table]:
         measured_table(result.identification, result.config, result.predictions, further=not entered),
         *entered,
     ]
+
+
+def fixes_content(result: TuneResult) -> list[Table | str]:
+    """Return the sds of the fixes of a drive and what is taken out as delay; nothing of a log."""
+    if result.drive is None:
+        return []
+    mended = bool(result.examination and result.examination.mends)
+    return fixes_parts(result.drive, result.config, written=bool(result.exports), mended=mended)
 
 
 def withheld_lines(result: TuneResult) -> list[str]:
