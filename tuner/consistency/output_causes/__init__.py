@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from models.arrays import FloatArray
 from models.probability import REACH_95
@@ -202,7 +202,7 @@ def _constant(
     covariance = covariance[own, own] + missed
     (_, one, of_one), (_, other, of_other) = (_reduction(half, places, (*fixed, number)) for half in products)
     apart, spread = (one - other)[own], (of_one + of_other)[own, own] + 2.0 * missed
-    if chi2.sf(apart @ np.linalg.pinv(spread, hermitian=True) @ apart, len(value)) < MAX_P_VALUE:
+    if chdtrc(len(value), apart @ np.linalg.pinv(spread, hermitian=True) @ apart) < MAX_P_VALUE:
         return None  # what changes is no constant
     gain = 0.5 * (after - before) - price * len(value)
     return _Fit(constant.found(value, covariance, REACH_95, gain), base, (number,))
