@@ -72,7 +72,7 @@ UNCONSTRAINED = Vehicle()
 MIN_NOISE_RATIO = 2.0
 """Measured ÷ configured noise over 1 s at rest from which a note is made: more than units of one type differ by."""
 UNKNOWN_DELAY_SD = 0.1
-"""Sd of a delay of the fixes of which a drive shows less, s."""
+"""Sd of an unknown delay of the fixes, s; smaller where the drive determines it better."""
 UNKNOWN_LEVER_ARM_SD = 1.0
 """Prior sd of a lever arm that nobody gave, m: the size of a car."""
 

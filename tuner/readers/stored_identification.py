@@ -29,7 +29,7 @@ def is_stored(path: Path) -> bool:
     except (OSError, UnicodeDecodeError):
         return False
     kind = noise_yaml.FORMAT.partition("/")[0]
-    return any(line.startswith(f"format: {kind}/") for line in head.splitlines())
+    return any(line.strip().startswith(f"format: {kind}/") for line in head.splitlines())
 
 
 def read_stored(path: Path) -> Identification:

@@ -366,10 +366,11 @@ def _on_grid(
 
 
 def _lateness(at: IntArray, offsets: FloatArray, least: float, jitter: float, count: int) -> FloatArray:
-    """Return by how much the samples of a segment are later than even ones, s: one number, or shape (count,).
+    """Return how late the samples of a segment are against evenly spaced ones, s: a constant, or shape (count,).
 
-    Of stamps of samples `at` with these offsets: straight between the medians of pieces where these differ by more than
-    `least`, s, and more than jitter makes them.
+    `offsets` are the stamps of samples `at`, less their even times. Where medians over pieces of the segment differ by
+    more than `least`, s, and more than `jitter` explains, the lateness is interpolated linearly between these medians;
+    else it is the median of all offsets.
     """
     size = max(_STAMPS_A_MEDIAN, len(at) // COURSE_PIECES)
     pieces = slice(0, len(at) // size * size)

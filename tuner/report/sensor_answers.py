@@ -108,17 +108,12 @@ def _drift(found: SensorComparison) -> list[Table | str]:
         return ["Verdict: not comparable: no source has six axes with white noise and a slow bias", *unranked]
     times = list(known[0][2].free)
     known.sort(key=lambda each: (bool(each[0]), each[2].free[times[-1]]))
-    errors = [(lacks, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
-    limited = [name in found.assumed for _, name, _ in known]
-    said, half = (
-        ", ".join(
-            text for (lacks, text), own in zip(errors, limited, strict=True) if not lacks and own is wanted
-        )
-        for wanted in (False, True)
-    )
+    errors = [(lacks, name, f"{name} {digits(one.free[ANSWERED_TIME], 2)} m") for lacks, name, one in known]
+    said = ", ".join(text for lacks, name, text in errors if not lacks and name not in found.assumed)
+    half = ", ".join(text for lacks, name, text in errors if not lacks and name in found.assumed)
     half += " (no rank: half of limits is ASSUMED)" * bool(half)
     least = ", ".join(
-        f"{text} or more (no rank: its {lacks} is not stated)" for lacks, text in errors if lacks
+        f"{text} or more (no rank: its {lacks} is not stated)" for lacks, _, text in errors if lacks
     )
     kinds = (("without fixes", times), ("non-holonomic", times))
     heads = [f"{kind * (time == times[0])}\n{time:g} s" for kind, each in kinds for time in each]

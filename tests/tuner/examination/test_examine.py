@@ -452,4 +452,4 @@ def test_a_unit_that_gives_one_sample_again_and_again_is_left_out(drive: Drive) 
     found = examine(replace(drive, rates=rates))
     assert "frozen, no measurement, from 200 to 230 s" in first(found)
     assert len(found.mended.imu_t) == np.count_nonzero(~rows) + 1
-    assert len(found.repairs) == 1  # seen: what was left out was told as a gap as well
+    assert len(found.repairs) == 1  # the frozen samples, which are left out, were reported as a gap, too

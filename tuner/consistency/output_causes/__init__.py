@@ -49,7 +49,7 @@ MAX_RUNS = 2
 """Runs of a Monte Carlo whose likelihoods are added: one tells a fault that scores show, and its size to some per cent,
 which is what the linear model of a filter is good for."""
 MAX_P_VALUE = 1e-3
-"""Chance of what a constant is in both halves of a run, below which it is none."""
+"""P-value of the difference between both halves of a run below which an error is not constant."""
 SENSOR_NOISE_SD = 0.1
 """Sd of the logarithm of a white density from a log: units, temperatures and mounts differ by as much."""
 REFINED_COUNT = 6
@@ -190,8 +190,9 @@ def _constant(
     price: float,
 ) -> _Fit | None:
     places, constant = models[0].places, OF_FILTER[number]
-    before = _reduction(products.sum(axis=0), places, fixed)[0]
-    after, x, covariance = _reduction(products.sum(axis=0), places, (*fixed, number))
+    whole = products.sum(axis=0)
+    before = _reduction(whole, places, fixed)[0]
+    after, x, covariance = _reduction(whole, places, (*fixed, number))
     own = slice(len(x) - (places[number].stop - places[number].start), None)
     value = x[own]
     size = float(np.linalg.norm(value[: constant.size]))

@@ -395,7 +395,7 @@ def _motion_finding(
 
 
 def _first_sample(channel: Channel) -> str:
-    """Return from what times are counted, where that is not the first sample."""
+    """Return the time of the first sample in words, where it is not zero."""
     late = abs(channel.start) > channel.interval
     return f"; the first sample is of {channel.start:.5g} s" if late else ""
 
