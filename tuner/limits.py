@@ -12,6 +12,8 @@ TOLERATED_RATIO = 2.0
 """True ÷ predicted error, or its inverse, beyond which settings are not written; attitudes are honest up to it."""
 LOST_SHARE = 0.02
 """Share of the samples, or of the fixes, from which the first screen says that they are left out."""
+MIN_RATE, MAX_RATE = 0.01, 1e6
+"""Rates of inertial sensors, Hz, that are possible at all."""
 SHEET_FACTOR = 2.0
 """Largest noise of a unit ÷ the typical one of its sheet: sheets that state both have up to twice the typical value."""
 SHEET_SDS = 5.0

@@ -214,6 +214,14 @@ def test_what_the_samples_speak_against_is_in_the_verdict_on_noise_and_settings(
     assert judge_settings(Settings(found, synthesize(found))).text == f"usable except: {against}"
 
 
+def test_an_axis_that_a_log_lacks_is_in_the_verdict():
+    noise = NoiseModel([White(1e-4), RandomWalk(1e-5)])
+    records, _ = simulate({"gyro_x": noise, "gyro_z": noise}, duration=1200.0, rate=20.0, seed=3)
+    assert (
+        judge_noise(identify(records, arma=None)).text == "usable except: gyro y, which the log does not hold"
+    )
+
+
 def test_what_drifts_further_than_its_noise_is_in_the_verdict(known):
     rest = Unexplained("shape of the spectrum", ("gyro_x",), 1e-9, drift={"60 s": (30.0, 10.0)})
     assert (

@@ -12,11 +12,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from tuner.limits import MAX_RATE, MIN_RATE
 from tuner.readers.column_names import TIME_UNITS, UNITS_BY_NAME, parse_name, without_unit
 from tuner.readers.refusal import EVEN, Change, Refusal
 
-MIN_RATE, MAX_RATE = 0.01, 1e6
-"""Rates of inertial logs, Hz, that are possible at all."""
 USUAL_RATES = (20.0, 4000.0)
 """Rates of inertial sensors, Hz, of which at most one unit of the table gives one: they are 1000 apart."""
 POSSIBLE_RATES = (1.0, 2e4)

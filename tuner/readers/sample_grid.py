@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from models.arrays import BoolArray, FloatArray, IntArray
 from tuner.formats.customary_units import stamp
-from tuner.limits import WRONG_FACTOR
+from tuner.limits import MAX_RATE, MIN_RATE, WRONG_FACTOR
 from tuner.readers.bad_rows import BadRows, LogRows
-from tuner.readers.clock_unit import MAX_RATE, MIN_RATE, STATED_BY_RATE, time_in
+from tuner.readers.clock_unit import STATED_BY_RATE, time_in
 from tuner.readers.column_mapping import Chosen, offered
 from tuner.readers.columns import Listing
 from tuner.readers.options import Options

@@ -114,6 +114,8 @@ def find_dialect(path: Path) -> Dialect:
     if b"\r" in (body := even_lines(head)).rstrip(b"\r"):
         raise DataError(lone_return(path, 1 + body[: body.index(b"\r")].count(b"\n")))
     lines = re.split("\r{0,2}\n|\r", _decoded(head))
+    if len(head) == HEAD_BYTES:  # its last line is cut off
+        lines = lines[:-1] or lines
     keys = sum(_YAML.match(line) is not None for line in lines[:YAML_LINES])
     if 2 * keys > min(YAML_LINES, len(lines)) or path.suffix.lower() == ".json":
         from tuner.readers.stored_identification import (
@@ -130,8 +132,10 @@ def find_dialect(path: Path) -> Dialect:
         )
     at = next((i for i, line in enumerate(lines) if _is_data(line)), None)
     if at is None:
-        found = lines[0].strip()[:40]
-        raise DataError(f"{path}: no row of numbers: expected a header and rows of numbers, found '{found}'")
+        found = ", then ".join(f"'{printable(line.strip()[:40])}'" for line in lines[:2] if line.strip())
+        raise DataError(
+            f"{path}: no row is mostly numbers: expected a header and rows of numbers, found {found}"
+        )
     skip = next((i + 1 for i in range(at - 1, -1, -1) if lines[i].strip()), 0)
     dialect = _dialect(path, lines[skip - 1] if skip else None, lines[at].strip(), skip)
     for above in lines[max(skip - 3, 0) : max(skip - 1, 0)]:

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.arrays import BoolArray, FloatArray
+from tuner.limits import MAX_RATE, MIN_RATE
 from tuner.readers import column_names as names
 from tuner.readers.clock_unit import (
     CANDIDATES,
     LONGEST_SPAN,
-    MAX_RATE,
-    MIN_RATE,
     USUAL_RATES,
     about_rare_rate,
     is_unusual,

@@ -427,11 +427,11 @@ def _check_range(source: str, record: Record) -> None:
             f"sensor resolves: pass --{record.name}-unit or --{record.name}-scale, or choose other columns"
         )
     limit = largest_reading(record.unit)
-    if largest > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES])):
+    if largest > limit > np.median(np.abs(record.y[:CHECKED_SAMPLES]).max(axis=1)):
         first = int(np.argmax(np.abs(record.y).max(axis=1)))
         raise DataError(
             f"{source}: {record.name} reads {np.abs(record.y[first]).max():.3g} {record.unit} in sample {first + 1}, "
-            "which no sensor does: a broken row; take it out or write NaN"
+            "which no sensor does: take a broken row out or write NaN; else its unit or its scale is wrong"
         )
 
 

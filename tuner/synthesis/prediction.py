@@ -57,29 +57,32 @@ def hold_to_records(
     -------
     (FilterConfig, mapping of str to PredictedBlock)
         An axis whose quantizer leaves a limit of its white noise alone is not among those judged: what is written for
-        it is that limit, not what its codes at rest show.
+        it are its limits, not what its codes at rest show.
     """
     channels, notes = dict(config.channels), list(config.notes)
     judged: dict[str, PredictedBlock] = {}
     places = [(record, channels[axis]) for record in records for axis in record.axes if axis in channels]
+    limited = {axis for record in records for axis in record.limiting_steps}
     for (_, channel), (found, about) in zip(
         places, each(lambda place: _predicting(*place, signals), places), strict=True
     ):
         if found is None:
             continue
+        if (
+            channel.axis in limited
+        ):  # its codes at rest are not its noise, so that the curve decides no slow term
+            white = max(channel.white_density, found.block.white_density)
+            channels[channel.axis] = replace(channel, white_density=white)
+            continue
         judged[channel.axis] = found
         if found.source is not BlockSource.LIKELIHOOD:
             channels[channel.axis] = _with_block(channel, found)
         notes += [*about, *_notes(channel, found)]
+    bounded = [_at_bound(channels, axis) for axis in sorted(limited & set(channels))]
     fitted = {axis for axis, found in judged.items() if found.source is not BlockSource.LIKELIHOOD}
-    bounded = [
-        _at_bound(channels, axis) for record in records for axis in record.limiting_steps if axis in channels
-    ]
-    limited = {bound.quantity.owner for bound in bounded}
-    fitted |= limited
-    inflations = (*(i for i in config.inflations if i.quantity.owner not in fitted), *bounded)
-    known = {axis: found for axis, found in judged.items() if axis not in limited}
-    return replace(config, channels=channels, inflations=inflations, notes=tuple(notes)), known
+    written = {one.quantity: one for one in config.inflations if one.quantity.owner not in fitted}
+    written |= {one.quantity: one for one in bounded}
+    return replace(config, channels=channels, inflations=tuple(written.values()), notes=tuple(notes)), judged
 
 
 def _at_bound(channels: dict[str, ChannelNoise], axis: str) -> BoundUsed:

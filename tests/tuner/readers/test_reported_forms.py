@@ -99,6 +99,17 @@ def test_names_without_values_are_said_to_be(tmp_path):
         read(tmp_path / "log.csv")
 
 
+def test_a_file_without_numbers_is_told_from_one_whose_columns_do_not_match(tmp_path):
+    """The last line that was looked at ended after its stamp: a row of one column, of missing values none."""
+    (tmp_path / "log.csv").write_text(
+        "t,gyro_x,gyro_y,gyro_z\n" + "0.0000,nan,nan,nan\n" * 6000, encoding="utf-8"
+    )
+    with pytest.raises(
+        DataError, match=r"no row is mostly numbers: .* found 't,gyro_x.*then '0.0000,nan,nan,nan'"
+    ):
+        read(tmp_path / "log.csv")
+
+
 def test_unsigned_and_exchanged_words_are_read_as_they_are(samples):
     counts = np.round(samples[0] * 5e4).astype(int)
     axes = [("gyro_x", "gyro_y", "gyro_z")]

@@ -119,6 +119,20 @@ def test_the_limit_of_an_axis_that_its_quantizer_limits_is_what_is_written():
     assert channel.white_density == white.upper
 
 
+def test_codes_that_hide_the_noise_decide_no_slow_term():
+    """A gyro at one code: bias instability below 966 deg/h became settings of none, and simulated drives diverged."""
+    rng = np.random.default_rng(4)
+    record = Record(
+        "gyro", 0.01 * np.arange(30000), 0.01 * np.rint(0.2 + 0.1 * rng.standard_normal((30000, 1))),
+        ("gyro_x",), "rad/s", 0.01, limiting_steps={"gyro_x": 0.01},
+    )  # fmt: skip
+    before = synthesize(identify([record], arma=None))
+    held, _ = hold_to_records(before, [record])
+    assert held.channels["gyro_x"].markov == before.channels["gyro_x"].markov != ()
+    assert held.channels["gyro_x"].random_walk_density == before.channels["gyro_x"].random_walk_density
+    assert {one.quantity.field for one in held.inflations} >= {"white.density", "bias_instability.level"}
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="TUNER_DATA does not name a folder with recordings")
 @pytest.mark.parametrize("name", ["adis16405_run1", pytest.param("galaxy_s5_static", marks=pytest.mark.slow)])
 def test_measured_units_are_predicted(name):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import POSITIVE, Output, common
+from tuner.cli.commands.options import POSITIVE, RATE, Output, common
 from tuner.cli.commands.options import lever_arm as with_lever_arm
 from tuner.cli.progress import Messages
 
@@ -29,7 +29,7 @@ from tuner.cli.progress import Messages
 )
 @with_lever_arm
 @click.option(
-    "--rate", type=POSITIVE, metavar="HZ", help="Rate of the IMU that DIALECT reads; default that of the log."
+    "--rate", type=RATE, metavar="HZ", help="Rate of the IMU that DIALECT reads; default that of the log."
 )
 @click.option(
     "--step",

@@ -19,6 +19,7 @@ from tuner.cli.progress import Messages
 from tuner.formats.documents import json_text
 from tuner.formats.files import inputs_kept, refuse_input, write_text
 from tuner.jobs import limited, within
+from tuner.limits import MAX_RATE, MIN_RATE
 from tuner.stages import finished
 from tuner.types.one_line import printable
 from tuner.types.records import DataError
@@ -42,6 +43,7 @@ class Finite(AnyFinite, click.FloatRange):
 
 
 POSITIVE = Finite(min=0, min_open=True)
+RATE = Finite(min=MIN_RATE, max=MAX_RATE)
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 """Formats of figures, by the ends of their names."""
 LONGEST_COMMAND = 1 << 20
@@ -303,7 +305,7 @@ def reading(command: Command) -> Command:
 
     @click.option(
         "--rate",
-        type=POSITIVE,
+        type=RATE,
         metavar="HZ",
         help="Sampling rate, Hz, where the log has no time stamps.",
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tuner.cli.commands.options import POSITIVE, Output, common
+from tuner.cli.commands.options import POSITIVE, RATE, Output, common
 from tuner.cli.progress import Messages
 from tuner.stages import stage
 
@@ -26,7 +26,7 @@ from tuner.stages import stage
 @click.option("--hours", type=POSITIVE, default=1.0, show_default=True, metavar="H", help="Length, h.")
 @click.option(
     "--rate",
-    type=POSITIVE,
+    type=RATE,
     metavar="HZ",
     help="Sampling rate, Hz; default that of the sensor.",
 )

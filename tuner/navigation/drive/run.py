@@ -180,7 +180,7 @@ def prepare(drive: Drive, settings: FilterSettings) -> tuple[tuple[Stretch, ...]
         notes.append(
             f"position, velocity and attitude at {a.t:.1f} s as the file states them"
             if stretch.stated
-            else f"attitude at {a.t:.1f} s from the motion and {a.still:.0f} s at rest"
+            else f"attitude at {a.t:.1f} s from the motion{f' and {a.still:.0f} s at rest' * (a.still >= 1.0)}"
         )
     if not stretches:
         found = f"; {drive.repairs[0].stream} {drive.repairs[0].fault}" if drive.repairs else ""

@@ -65,6 +65,24 @@ def test_equal_bursts_are_all_named_and_nothing_else(number, length, ratio):
         assert high - low < 2.0 * edge
 
 
+@pytest.mark.parametrize(
+    ("samples", "change"), [(N // 2, N // 3), (N // 4, N // 8), (N // 2, N // 12), (N // 2, N // 4)]
+)
+def test_the_noisier_part_of_a_log_is_the_burst_however_long(samples, change):
+    """Noise three times as large from a third, a half or a sixth on: the rest was a burst of 0.1 × the variance.
+
+    From the middle on it was a drift of the variance with three bursts and heavy tails: its gain, ÷ the scatter of
+    squares about a course that is wrong, was the larger.
+    """
+    variance = np.ones(samples)
+    variance[change:] = 9.0
+    (one,) = diagnosed(variance, seed=3).findings
+    assert one.cause == "burst"
+    assert one.parameters["start"].value == pytest.approx(INTERVAL * change, abs=0.5)
+    low, high = one.parameters["variance_ratio"].interval
+    assert low < 9.0 < high < 12.0
+
+
 def test_axes_whose_bursts_have_other_lengths_share_none():
     """One start was told of 2145 s in one axis and 0.84 s in the other."""
     sd = np.ones((N, 2))

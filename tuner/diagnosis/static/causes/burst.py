@@ -15,7 +15,7 @@ noise itself (`tuner.diagnosis.static.variance.white_share`), and edges by the l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -165,7 +165,7 @@ def _all(fitted: FittedChannel, local: LocalVariance, window: _Window) -> tuple[
     while window.chance < SECOND_P_VALUE or not stretches:
         total = np.concatenate(([0.0], np.cumsum(rest.square)))
         edges = refine(total, window.start, window.start + window.width)[1]
-        stretches.append(_beside(edges, stretches))
+        stretches.append(_beside(_noisier(total, *edges), stretches))
         covered = sum(last - first for first, last in (*stretches, *((x.first, x.last) for x in known)))
         if len(stretches) + len(known) > allowed or covered > MAX_RECORD_SHARE * len(local.square):
             stretches = stretches[:1]
@@ -179,6 +179,17 @@ def _all(fitted: FittedChannel, local: LocalVariance, window: _Window) -> tuple[
         square = np.where(measured, _squares(fitted, stretches), 1.0)
         square /= square[measured].mean()
     return _gain(square, measured, stretches), stretches
+
+
+def _noisier(total: FloatArray, first: int, last: int) -> tuple[int, int]:
+    """Return the edges of a stretch, or of what lies beyond one that is quieter and begins or ends the record."""
+    n = len(total) - 1
+    inside, all_of_it = (total[last] - total[first]) / (last - first), total[-1] / n
+    if inside < all_of_it and first < MIN_WINDOW < n - last:
+        return last, n
+    if inside < all_of_it and n - last < MIN_WINDOW < first:
+        return 0, first
+    return first, last
 
 
 def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int, int]:
@@ -283,7 +294,8 @@ def _ratio(fitted: FittedChannel, seen: float, relative: float, share: float) ->
     low, value, high = (
         white.undiluted(seen * float(np.exp(k * relative)), share) for k in (-REACH_95, 0.0, REACH_95)
     )
-    return Value(value, low, high).widened_by(REACH_95 * white.error * abs(value - 1.0))
+    purer = replace(white, variance=white.variance * (1.0 + REACH_95 * white.error))
+    return Value(value, low, high).widened_by(abs(value - purer.undiluted(seen, share)))
 
 
 def _reach(total: FloatArray, first: int, last: int, kappa: float, *, move_first: bool) -> tuple[int, int]:

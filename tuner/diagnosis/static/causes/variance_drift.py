@@ -145,7 +145,8 @@ def _regression(
         change = float(np.clip(change + score / information, -most, most))
     course, slope = _course(change, x, weight, white.variance)
     expected, flat = _levelled(course, square, weight), float(weight @ square / weight.sum())
-    kappa = max((usual + 1.0) * weight.sum() / float(weight @ expected**2) - 1.0, 0.1)
+    each = (usual + 1.0) * weight.sum() / float(weight @ square**2)
+    kappa = max((each - 1.0) / (1.0 - each / float(weight.mean())), 0.1)  # within blocks, whatever the course
     gain = float(weight @ (np.log(flat) + square / flat - np.log(expected) - square / expected)) / kappa
     sd = float(np.hypot((float(weight @ slope**2) / kappa + LEAST_DIVISOR) ** -0.5, change * white.error))
     values = {"slope": Value.of(change / width, sd / width, unit)}
