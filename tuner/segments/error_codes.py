@@ -252,7 +252,13 @@ def _codes(y: FloatArray) -> list[_Code]:
 
 
 def _usual_step(values: FloatArray, number: IntArray) -> float:
-    """Return how far most samples lie from the next other value; `values` in order, and how many samples have each."""
+    """Return how far most samples lie from the next other value; `values` in order, and how many samples have each.
+
+    Where most samples share their value with others, those that do not lie between the codes, as in bridges of gaps.
+    """
+    shared = number > 1
+    if 2 * number[shared].sum() > number.sum():
+        values, number = values[shared], number[shared]
     gaps = np.diff(values)
     nearer = np.minimum(np.append(gaps, np.inf), np.append(np.inf, gaps))
     return float(np.median(np.repeat(nearer, number)))
@@ -288,7 +294,9 @@ def _judged(
     if not apart:
         if step > sd:
             return None
-        near, number = np.unique(y[away <= max(NEAR_SDS * sd, NEAR_CODES * nearest)], return_counts=True)
+        near, number = np.unique(
+            y[away <= max(NEAR_SDS * sd, NEAR_CODES * max(nearest, step))], return_counts=True
+        )
         below, above = (float(number[side].max(initial=0)) for side in (near < value, near > value))
         if (below if value > level else above) == 0.0:
             return None

@@ -63,6 +63,15 @@ def test_rows_that_repeat_the_others_hold_no_measurement_where_two_axes_have_a_c
     assert whites[1].density == pytest.approx(whites[2].density, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_code_of_the_converter_beside_bridges_of_gaps_is_none(seed):
+    """Steps of 1.5 sds: a bridge near a code stood for its neighbours, and 22 % of an axis were error codes."""
+    rng = np.random.default_rng(seed)
+    y = 1.5 * np.round(rng.standard_normal(COUNT) / 1.5)
+    y[rng.integers(0, COUNT, 25)] = 1.1 * rng.standard_normal(25)
+    assert codes(y) == []
+
+
 @pytest.mark.parametrize(("code", "share"), [(0.5, 0.001), (3.0, 0.003), (-6.0, 0.003), (50.0, 0.0005)])
 def test_a_code_of_any_value_in_irregular_rows_is_found(code, share):
     rng = np.random.default_rng(2)
