@@ -271,7 +271,7 @@ class _Judge:
             return Assumption(confirmed) if choice.basis == "assumed" else None
         if choice.basis == "assumed":
             raise self.refusal(
-                f"{reads} where gravity is 9.81, and nothing states its unit",
+                f"{reads}, {ratio:.3g} × gravity{why_times_gravity(ratio)}, and nothing states its unit",
                 self.by_gravity() or ([self.scaled()] if ratio > 1.0 and _at_rest(found, record) else []),
             )
         if len(record.axes) != 3 and not self.tried:

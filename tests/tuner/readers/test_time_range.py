@@ -58,6 +58,6 @@ def test_what_lies_outside_the_log_is_refused(tmp_path: Path, stated: dict[str, 
 def test_a_part_of_what_is_no_log_is_refused(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     from tuner.cli import run
 
-    for option, value in (("--begin", "3"), ("--rate", "1e9"), ("--gyro-unit", "deg/s"), ("--assume", "si")):
+    for option, value in (("--begin", "3"), ("--rate", "1e3"), ("--gyro-unit", "deg/s"), ("--assume", "si")):
         assert run([*command, option, value, "--quiet"]) == 2
         assert f"{option}: expected a static log, found mpu9250" in capsys.readouterr().err

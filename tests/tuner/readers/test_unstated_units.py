@@ -20,9 +20,7 @@ def cure(message: str) -> dict[str, object]:
 
 def test_noise_without_gravity_is_taken_as_si_only_where_that_is_stated(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", rows(accel=ACCEL - ACCEL.mean(axis=0)))
-    message = refused(
-        path, "accel reads .* where gravity is 9.81, and nothing states its unit; no reading fits"
-    )
+    message = refused(path, "accel reads .* × gravity, and nothing states its unit; no reading fits")
     assert "--" not in message
     assert "accel: m/s^2 assumed, as --assume si says" in notes(path, assume="si")
     assert "unit could not be checked" in notes(path, accel_unit="m/s^2")
@@ -221,7 +219,7 @@ def test_accelerometers_without_gravity_are_no_increments_in_feet(tmp_path: Path
     """0.355 ft/s in a sample of 10 ms are 1.1 gravity: what nobody states is not looked for beyond 10 %."""
     accel = np.random.default_rng(9).normal(0.0, 1e-2, (COUNT, 3)) + np.array([0.0, 0.0, -0.355])
     message = refused(
-        write(tmp_path / "log.csv", rows(gyro=0.1 * GYRO, accel=accel)), "where gravity is 9.81"
+        write(tmp_path / "log.csv", rows(gyro=0.1 * GYRO, accel=accel)), "× gravity, and nothing states"
     )
     assert "--" not in message
 
