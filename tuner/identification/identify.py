@@ -219,6 +219,7 @@ def _source(records: Sequence[Record]) -> dict[str, object]:
                 "segments": len(record.segments),
                 "used_s": _used(record),
                 "used_share": round(record.span / (len(record) * record.interval), 6),
+                "repeated_rows": int(record.timing.get("duplicates", 0.0)),
             }
             for record in records
         ],

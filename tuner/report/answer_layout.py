@@ -9,6 +9,7 @@ from tuner.formats.assumption_words import assumed_text
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, stamp
 from tuner.formats.grouping import gathered
+from tuner.limits import LOST_SHARE
 from tuner.report.document import Document, document
 from tuner.report.noise_table import legend, states_tables
 from tuner.types import ChannelIdentification, FilterConfig, Identification
@@ -45,7 +46,19 @@ def recording_text(found: Identification, rest: str = "") -> str:
     channels = found.channels.values()
     spans = gathered((said(c) if c.span > 0.0 else "stated, not measured", c.axis) for c in channels)
     parts = [text if len(spans) == 1 else f"{text} ({axes_text(axes)})" for text, axes in spans.items()]
-    return "; ".join(filter(None, (*parts, assumed_text(found.source.get("assumptions", ())))))
+    return "; ".join(
+        filter(None, (*parts, *_twice(found), assumed_text(found.source.get("assumptions", ()))))
+    )
+
+
+def _twice(found: Identification) -> list[str]:
+    """Return how many rows of a log repeat a stamp, where a reader is to know; they are left out."""
+    rows = {
+        f"{one['repeated_rows']} rows repeat a stamp and are left out"
+        for one in found.source.get("sensors", ())
+        if (lost := one.get("repeated_rows", 0)) > LOST_SHARE * (lost + one["span_s"] * one["rate_hz"])
+    }
+    return sorted(rows)
 
 
 def used_part(source: Mapping[str, Any], axis: str) -> str:

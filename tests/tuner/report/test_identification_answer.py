@@ -22,6 +22,7 @@ from tuner.identification.several_logs import pool
 from tuner.identification.static_test_plan import plan_test
 from tuner.limits import SCREEN_LINES
 from tuner.report.alike_sentences import alike_sentences
+from tuner.report.answer_layout import recording_text
 from tuner.report.identification_answer import (
     identification_answer,
     pooled_answer,
@@ -47,6 +48,15 @@ def found():
 
 def lines(content):
     return text_of(content).splitlines()
+
+
+def test_rows_that_repeat_a_stamp_are_said_first(found):
+    """A driver sent 14 % of its messages twice: a note said so, the screen did not."""
+    (sensor,) = found[0].source["sensors"]
+    for rows, words in ((390, "390 rows repeat a stamp and are left out"), (20, "")):
+        source = {**found[0].source, "sensors": [{**sensor, "repeated_rows": rows}]}
+        assert ("repeat a stamp" in recording_text(replace(found[0], source=source))) is bool(words)
+        assert words in recording_text(replace(found[0], source=source))
 
 
 def test_each_axis_has_a_column_and_a_terminal_holds_the_answer(found):
