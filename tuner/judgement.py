@@ -367,9 +367,7 @@ def _of_losses(found: Identification) -> Iterator[Reason]:
     shares = lost_shares(found).items()
     kept = gathered((percent(1.0 - lost), axis) for axis, lost in shares if lost > LOST_SHARE)
     for used, axes in kept.items():
-        text = (
-            f"{axes_text(axes)}: only {used} of the samples are used; around them the sensor moved or froze"
-        )
+        text = f"{axes_text(axes)}: only {used} of the samples are used; else it moved, froze or was noisier"
         yield Reason(Use.USABLE_EXCEPT, text)
 
 

@@ -42,6 +42,7 @@ from tuner.synthesis.calibration import with_calibration
 from tuner.synthesis.findings import (
     findings_for_config,
     left_out,
+    noisier_stretches,
     terms_found,
     with_notes_on_findings,
     without_stretches,
@@ -354,12 +355,16 @@ def identified_again(
 ) -> tuple[tuple[Record, ...], Identification]:
     """Return records and their noise without what a diagnosis takes out of them; as given where it takes nothing.
 
-    Wrapped samples are put back, events are taken out; motion is left out, unless too little would be left.
+    Wrapped samples are put back, events are taken out; motion and what is noisier for a while are left out, unless too
+    little would be left.
     """
     findings = diagnosis.findings
     widths = {axis: one.value for one in findings if one.cause == "overflow" for axis in one.channels}
     whole = tuple(without_events(without_overflow(record, widths), findings) for record in still)
-    resting = tuple(without_stretches(record, diagnosis.left_out) for record in whole)
+    resting = tuple(
+        without_stretches(record, (*diagnosis.left_out, *noisier_stretches(diagnosis, record)))
+        for record in whole
+    )
 
     def noise(records: tuple[Record, ...]) -> Identification:
         if len(records) == len(still) and all(map(operator.is_, records, still)):

@@ -9,6 +9,7 @@ motion                          left out with what is about it: it is no noise o
 overflow                        its samples are put back by the range of the register
 error_code, wrong readings      other rows near by stand in their place from the first
 spikes                          the same where they change the noise, and what is left has no tails
+burst                           left out where it makes white noise seem larger by 5 %: the quieter state is the noise
 step, recovery                  what they add to the samples is taken out where an axis has one: an event is no noise
 all others                      as it is: a filter that does not compensate them meets them; a note says so
 ==============================  ====================================================================
@@ -30,6 +31,7 @@ from models.noise import Arma, NoiseModel, White
 from tuner.formats.customary_units import phrase
 from tuner.formats.diagnosis import config_finding
 from tuner.formats.documents import plain
+from tuner.limits import SHOWN_CHANGE
 from tuner.types import (
     Coefficient,
     Diagnosis,
@@ -72,6 +74,29 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
             for axis in finding.channels:
                 found.setdefault(axis, []).append(effect.identified_as)
     return {axis: tuple(terms) for axis, terms in found.items()}
+
+
+def noisier_stretches(diagnosis: Diagnosis, record: Record) -> list[tuple[float, float]]:
+    """Return begin and end, s, of the bursts of an axis that make its white noise seem larger by `SHOWN_CHANGE`.
+
+    The quieter state is the noise of the sensor; what it is in a burst, a filter is told besides.
+    """
+    left = []
+    for axis in record.axes:
+        found = [
+            one.by_channel.get(axis, one.parameters)
+            for one in diagnosis.findings
+            if one.cause == "burst" and axis in one.channels
+        ]
+        told = [
+            {name: one[name].value or 0.0 for name in ("start", "duration", "variance_ratio")}
+            for one in found
+        ]
+        louder = [one for one in told if one["variance_ratio"] > 1.0]
+        more = sum(one["duration"] * (one["variance_ratio"] - 1.0) for one in louder) / record.span
+        if 1.0 + more > (1.0 + SHOWN_CHANGE) ** 2:
+            left += [(one["start"], one["start"] + one["duration"]) for one in louder]
+    return left
 
 
 def without_stretches(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:

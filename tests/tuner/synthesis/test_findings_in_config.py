@@ -242,6 +242,21 @@ def test_a_motion_that_only_the_diagnosis_finds_is_left_out_of_the_noise():
     assert all(stop <= 6000 or start >= 6400 for start, stop in record.segments)
 
 
+def test_noise_that_is_larger_for_a_third_of_a_log_is_not_the_noise_of_the_sensor():
+    """Three times as large in the last third: N of all samples is 1.9 times that of the quieter state."""
+    rng = np.random.default_rng(6)
+    y = 1e-3 * rng.standard_normal(30_000) * np.where(np.arange(30_000) < 20_000, 1.0, 3.0)
+    record = Record("gyro", 0.01 * np.arange(30_000), y[:, None], ("gyro_x",), "rad/s", 0.01)
+    inputs = TuneInputs("unit", (record,), None, None, None)
+    found = identify_and_diagnose(inputs, terms=None, latitude=None, replicas=0, seed=0, progress=silent)
+    assert [one.cause for one in found.diagnosis.findings] == ["burst"]
+    white = found.identification.channels["gyro_x"].term("white").coefficients["density"].value
+    assert white == pytest.approx(1e-4, rel=0.02)  # 4 sds of 20 000 samples
+    config = synthesize(found.identification)
+    (told,) = settled_inflations(found.diagnosis, config, found.still)
+    assert told.factor == pytest.approx(3.0, rel=0.05)
+
+
 def test_a_log_that_moved_nearly_all_the_time_keeps_its_noise():
     """Pieces of 10 samples at both ends are too few to identify, and none at all is no record."""
     records, _ = simulate({"gyro_x": MODEL}, duration=20.0, rate=100.0, seed=3)
