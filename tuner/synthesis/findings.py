@@ -79,23 +79,21 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
 def noisier_stretches(diagnosis: Diagnosis, record: Record) -> list[tuple[float, float]]:
     """Return begin and end, s, of the bursts of an axis that make its white noise seem larger by `SHOWN_CHANGE`.
 
-    The quieter state is the noise of the sensor; what it is in a burst, a filter is told besides.
+    The quieter state is the noise of the sensor; that in a burst is advice beside the settings.
     """
     left = []
     for axis in record.axes:
-        found = [
-            one.by_channel.get(axis, one.parameters)
+        bursts = [
+            [values[name].value or 0.0 for name in ("start", "duration", "variance_ratio")]
             for one in diagnosis.findings
             if one.cause == "burst" and axis in one.channels
+            for values in (one.by_channel.get(axis, one.parameters),)
         ]
-        told = [
-            {name: one[name].value or 0.0 for name in ("start", "duration", "variance_ratio")}
-            for one in found
+        noisier = [
+            (start, start + length, length * (ratio - 1.0)) for start, length, ratio in bursts if ratio > 1.0
         ]
-        louder = [one for one in told if one["variance_ratio"] > 1.0]
-        more = sum(one["duration"] * (one["variance_ratio"] - 1.0) for one in louder) / record.span
-        if 1.0 + more > (1.0 + SHOWN_CHANGE) ** 2:
-            left += [(one["start"], one["start"] + one["duration"]) for one in louder]
+        if 1.0 + sum(more for *_, more in noisier) / record.span > (1.0 + SHOWN_CHANGE) ** 2:
+            left += [(start, end) for start, end, _ in noisier]
     return left
 
 
