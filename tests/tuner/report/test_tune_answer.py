@@ -352,7 +352,7 @@ def test_what_a_drive_keeps_is_said(result):
             "Velocities are not to scale, too small by 0.020 ± 0.010 of them",
         ),
         ("sensor_bias", {"accel_z": (-0.3325, -0.3413, -0.3237, "m/s^2")}, None),
-        ("lever_arm", {}, "The antenna is not where the lever arm puts it"),
+        ("lever_arm", {}, "The antenna is not where the settings have it"),
     ],
 )  # fmt: skip
 def test_a_finding_of_a_drive_is_one_sentence_with_its_figures(cause, figures, said):

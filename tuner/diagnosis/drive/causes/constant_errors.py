@@ -81,7 +81,7 @@ class LeverArm(ConstantCause):
     cause = "lever_arm"
     effect = gnss.LeverArm
     channels = ("gnss",)
-    meaning = "the antenna is not where the lever arm puts it, off by {}"
+    meaning = "the antenna is not where the settings have it, off by {}"
     consequence = "correct the lever arm by this much, or give the filter states for it"
     units = dict.fromkeys(AXIS_NAMES, "m")
     prior_sd, largest = 1.0, 10.0
