@@ -82,7 +82,7 @@ def judge_settings(known: Settings) -> Judgement:
         *(Reason(Use.DO_NOT_USE, why) for why in lacking_slow_bias(known.config).values()),
         *(Reason(Use.DO_NOT_USE, f"too short for {why}") for why in _too_short_for(known.identification)),
         *_of_drive(known),
-        *_of_simulation(known),
+        *_of_simulation(known.check, of_less=known.config.gnss is None or _measured(known)),
         *_of_predictions(known.predictions),
         *_of_compensation(known.predictions),
         *_of_reading(known.identification),
@@ -279,18 +279,14 @@ def _measured(known: Settings) -> bool:
     return known.measured is not None and known.measured.honesty.use not in (Use.DO_NOT_USE, Use.TOO_SHORT)
 
 
-def _of_simulation(known: Settings) -> Iterator[Reason]:
+def _of_simulation(check: Check | None, *, of_less: bool) -> Iterator[Reason]:
     """Yield what simulated drives say against settings.
 
-    Where a recorded drive says more, or the receiver is assumed and the filter does not diverge, they speak against use
-    on such drives alone.
+    Where their receiver is assumed, or a recorded drive says more, they speak `of_less`: against use on such drives.
     """
-    if known.check is not None:
-        found = known.check.consistency
-        assumed = known.config.gnss is None and found.honesty.use is not Use.DO_NOT_USE
-        for one in _of_scores(found, "in simulation"):
-            less = assumed or _measured(known)
-            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if less else one
+    if check is not None:
+        for one in _of_scores(check.consistency, "in simulation"):
+            yield Reason(Use.USABLE_EXCEPT, f"drives with GNSS: {one.text}") if of_less else one
 
 
 def _of_scores(found: Consistency, where: str) -> Iterator[Reason]:

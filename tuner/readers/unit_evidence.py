@@ -26,8 +26,8 @@ TIMES_GRAVITY = {
     4.0: "where a range register is set to a quarter",
     0.5: "where a range register is set to twice",
     0.25: "where a range register is set to four times",
-    STANDARD_GRAVITY: "m/s^2 called g",
-    1.0 / STANDARD_GRAVITY: "g called m/s^2",
+    STANDARD_GRAVITY: "m/s^2 read as g",
+    1.0 / STANDARD_GRAVITY: "g read as m/s^2",
 }
 """What makes accelerometers at rest read so many times gravity."""
 MAX_BIAS = 0.35

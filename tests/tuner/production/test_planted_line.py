@@ -110,7 +110,7 @@ def test_wrong_limits_of_the_temperature_are_refused(tmp_path, text, said):
 
 @pytest.mark.parametrize(
     ("ratio", "cause"),
-    [(1.96, "where a range register is set to half"), (9.8, "m/s^2 called g"), (1.3, "")],
+    [(1.96, "where a range register is set to half"), (9.8, "m/s^2 read as g"), (1.3, "")],
 )
 def test_accelerometers_that_miss_gravity_are_told_in_g_without_any_limit(ratio, cause):
     excess = (ratio - 1.0) * STANDARD_GRAVITY

@@ -146,7 +146,7 @@ def test_gravity_goes_before_a_unit_that_a_user_states(samples, tmp_path):
     )
     with pytest.raises(
         DataError,
-        match=r"9\.79 × gravity: the unit g is wrong by 9\.79x, as m/s\^2 called g: pass --accel-unit m/s",
+        match=r"9\.79 × gravity: the unit g is wrong by 9\.79x, as m/s\^2 read as g: pass --accel-unit m/s",
     ):
         read(tmp_path / "log.csv", accel_unit="g")
 
