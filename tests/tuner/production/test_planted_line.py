@@ -21,7 +21,7 @@ from tuner.types.records import DataError
 NAMED = {
     "noise": "gyro [xyz] N |noisy axis: gyro",
     "scale": "range register is set to half",
-    "g": r"g called m/s\^2",
+    "g": r"g read as m/s\^2",
     "warming": "either may be the cause",
     "steps": "steps: gyro_[xyz]",
     "dead": "dead",
