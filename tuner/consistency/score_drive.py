@@ -186,7 +186,6 @@ def navigate_drive(
     stretches, notes = prepare(drive, settings)
     stage("filtering the drive", 0.62)
     solutions = navigate(stretches, settings, np.zeros((0, 2)))
-    notes = (*notes, *_noisier_than_configured(stretches[0], config))
     contradicted = turned_from(solutions[0]) if drive.mounting is not None else None
     if not vehicle.free:
         stretches, more = with_constraints(
@@ -243,6 +242,8 @@ def navigate_drive(
         False,
     )
     found = replace(found, diverged=_diverged(found, solutions))
+    if not found.outages or any(one.interval[0] > 1.0 for one in found.outages):
+        notes = (*notes, *_noisier_than_configured(stretches[0], config))
     if contradicted and not found.diverged:
         notes = (NamedCause(f"{contradicted} (likely)"), *notes)
     if reference is None and found.blocks:
@@ -265,7 +266,10 @@ def navigate_drive(
 
 
 def _noisier_than_configured(stretch: Stretch, config: FilterConfig) -> tuple[str, ...]:
-    """Return a note where sensors at rest are noisier over a second than the filter expects."""
+    """Return a note where sensors at rest are noisier over a second than the filter expects.
+
+    A body that swings about an antenna at rest seems noisy, too: what the filter errs by without fixes decides first.
+    """
     found = stationary_noise(stretch.steps, stretch.alignment)
     if found is None:
         return ()
