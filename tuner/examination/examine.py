@@ -146,13 +146,11 @@ def examine(drive: Drive) -> Examination:
     drive = replace(drive, imu_t=drive.imu_t[kept], rates=drive.rates[kept])
     whole = streams_of(drive)
     search = searched(whole, drive.source or drive.name)
-    fit, repaired = search.after, applied(search.found, whole)
+    fit, (named, repaired) = search.after, applied(search.found, whole)
     unstated = drive.lever_arm is None or drive.mounting is None
-    arm = [one.fault for one in search.found if one.subject == LEVER_ARM and unstated]
-    repairs = [one.repair for one in search.found if one.fault not in arm]
-    sure = [
-        one for one in search.found if one.kind != "constant" and min(one.nats, one.over_next) > CERTAIN_ODDS
-    ]
+    arm = [one.fault for one in named if one.subject == LEVER_ARM and unstated]
+    repairs = [one.repair for one in named if one.fault not in arm]
+    sure = [one for one in named if one.kind != "constant" and min(one.nats, one.over_next) > CERTAIN_ODDS]
     lost, stale = [], []
     speed = _travelled(repaired.positions)
     for stream, noise, far, left, worth in zip(
@@ -166,14 +164,14 @@ def examine(drive: Drive) -> Examination:
         lost.append(stale[-1] | ((np.nan_to_num(far) > 0.5) & (wrong is not None)))
     unsound, (of_sds, sds) = _unsound(fit), _right_sds(repaired, fit)
     repairs += [] if unsound is None else [unsound]
-    jumps = sum(one.size or 0.0 for one in search.found if one.stream == CLOCK_OF_UNIT)
+    jumps = sum(one.size or 0.0 for one in named if one.stream == CLOCK_OF_UNIT)
     counted += [*of_sds, *_gaps(stamps, jumps), *_at_ends(drive)]
     first = _in_order(drive, [*counted, *(one.repair for one in sure)])
     all_of = _in_order(drive, [*counted, *repairs])
     noise_of = (_noise(*pair) for pair in zip(repaired.all, fit.noise, strict=True))
     mended = _mended(drive, repaired, lost, sds)
     possible_drive(mended)
-    filtered = _mended(drive, applied(sure, whole), stale, sds)
+    filtered = _mended(drive, applied(sure, whole)[1], stale, sds)
     misfit = {
         stream.name: (stream.t, *(np.linalg.norm(one.left[k], axis=1) for one in (search.before, fit)))
         for k, stream in enumerate(whole.all)
@@ -191,7 +189,7 @@ def examine(drive: Drive) -> Examination:
         first,
         filtered,
         search.clock,
-        _undecided(search.found),
+        _undecided(named),
     )
 
 

@@ -39,12 +39,16 @@ MOST_FAULTS = 4
 """Faults of whole streams that are looked for one after the other."""
 
 
-def applied(found: Sequence[Move], streams: Streams) -> Streams:
-    """Return streams without faults that were found in slower ones."""
+def applied(found: Sequence[Move], streams: Streams) -> tuple[list[Move], Streams]:
+    """Return faults found in slower streams, each from the sample on at which it begins, and streams without them."""
+    named = []
     for one in found:
         mended = one.mended(streams)
-        streams = mended if one.whole else between(streams, mended, one.begin, one.end)
-    return streams
+        begin = _at_sample(streams, mended, one.begin, rises=True)
+        end = _at_sample(streams, mended, one.end, rises=False)
+        named.append(replace(one, begin=begin, end=end))
+        streams = mended if one.whole else between(streams, mended, begin, end)
+    return named, streams
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ def searched(streams: Streams, name: str = "streams") -> Searched:
         found.append(replace(best, over_next=over_next, rival=rival))
         for one in found[:-1]:  # what a later fault makes superfluous
             without = [each for each in found if each is not one]
-            streams = applied(without, recorded)
+            streams = applied(without, recorded)[1]
             if (there := fit(streams)).total > now.total:
                 found, now, at = without, there, installed(streams, there)
         gain = max(gain, at.gain)
@@ -240,6 +244,36 @@ def _change(streams: Streams, mended: Streams, near: float, *, rises: bool) -> f
         joined = between(streams, mended, time, None) if rises else between(streams, mended, None, time)
         values.append(fit(joined, windows_of(joined.imu, only)).total)
     return float(at[int(np.argmax(values))])
+
+
+def _at_sample(streams: Streams, mended: Streams, near: float | None, *, rises: bool) -> float | None:
+    """Return when the samples of the inertial unit change, s, within a window of a time; as given if they do not."""
+    imu = streams.imu
+    if near is None or mended.imu is imu:
+        return near
+    beside = np.flatnonzero(np.abs(imu.t - near) < WINDOW_LENGTH)
+    both = imu.rates[beside], mended.imu.rates[beside]
+    return float(imu.t[beside[0] + _likeliest_change(*(both if rises else both[::-1]))])
+
+
+def _likeliest_change(before: FloatArray, behind: FloatArray) -> int:
+    """Return from which sample on the first of two series (n, 6) is the second, a linear function of it.
+
+    Changes from sample to sample are normal, of one covariance that is not known: a wrong sample makes two large ones.
+    """
+
+    def squares(steps: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("ki,kj->kij", steps, steps))
+
+    first, second, between_them = (
+        squares(x) for x in (np.diff(before, axis=0), np.diff(behind, axis=0), behind[1:] - before[:-1])
+    )
+    total = np.cumsum(first, axis=0) - first + between_them + np.cumsum(second[::-1], axis=0)[::-1] - second
+    usual = np.median(np.einsum("kii->ki", total), axis=0)
+    spread = np.linalg.slogdet(total + np.finfo(np.float32).eps * np.diag(usual))[1]
+    scale = np.linalg.slogdet(np.linalg.lstsq(before, behind, rcond=None)[0])[1]
+    left = np.arange(len(total), 0, -1)
+    return 1 + int(np.argmax(left * scale - 0.5 * len(total) * spread))
 
 
 def between(streams: Streams, mended: Streams, begin: float | None, end: float | None) -> Streams:

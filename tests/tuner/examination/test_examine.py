@@ -178,10 +178,13 @@ def test_speed_and_course_alone_are_held_against_the_others(drive: Drive) -> Non
 
 
 def test_a_unit_that_changes_is_named_with_the_time(drive: Drive) -> None:
-    found = examine(with_rates(drive, [180.0 / np.pi] * 3 + [1.0] * 3, begin=180.0))
-    assert "gyro is in deg/s" in first(found)
-    assert found.repairs[0].begin == pytest.approx(180.0, abs=5.0)  # half a window
-    assert found.repairs[0].end is None
+    """One sample in the wrong unit, 57 times its rate, turns all that follows: the mended copy has none."""
+    for begin in (180.0, 100.013):
+        found = examine(with_rates(drive, [180.0 / np.pi] * 3 + [1.0] * 3, begin=begin))
+        assert "gyro is in deg/s" in first(found)
+        assert found.repairs[0].begin == pytest.approx(begin, abs=0.05)
+        assert found.repairs[0].end is None
+        assert np.allclose(found.mended.rates, drive.rates)
 
 
 def test_a_step_of_the_height_is_sized_to_centimetres(drive: Drive) -> None:
