@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from types import MappingProxyType
 from typing import Any
 
@@ -200,6 +201,12 @@ def checked(
     kept = {axis for record in live for axis in record.axes}
     if lost := [axis for record in records for axis in record.axes if axis not in kept]:
         contradicted.append(f"{axes_text(lost)}, left out: constant, dead or no measurement")
+    for sensor in live:
+        for (axis, y), (other, again) in combinations(zip(sensor.axes, sensor.y.T, strict=True), 2):
+            if np.array_equal(y, again):
+                contradicted.append(
+                    f"{axes_text([axis, other])}, one column twice: they agree sample for sample"
+                )
     said = tuple(dict.fromkeys(printable(note) for note in [*assumptions, *notes]))
     return tuple(
         replace(

@@ -250,6 +250,8 @@ def changed_entry(cause: str) -> str:
         return "bias states and random walk, smaller once it is compensated"
     if cause == "cross_axis":
         return "no entry: settings of axes are independent"
+    if cause == "clipping":
+        return "white noise, which lacks what lies beyond the range"
     if effect is None:
         return SAMPLES_AT_FAULT
     if effect.identified_as is not None:

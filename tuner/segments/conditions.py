@@ -87,8 +87,7 @@ def at_rest(records: Sequence[Record], say: Callable[[str], None] = lambda _: No
         note for new, old in zip(answer, records, strict=True) for note in new.notes if note not in old.notes
     ):
         say(line)
-    expect_noise(answer)
-    return answer
+    return expect_noise(answer)
 
 
 def _while_measured(record: Record) -> Record:

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,7 +32,7 @@ from scipy.special import gammainc, ndtri
 from models.arrays import FloatArray
 from tuner.formats.axis_words import axes_text
 from tuner.formats.customary_units import digits, range_text
-from tuner.limits import WRONG_FACTOR
+from tuner.limits import SHOWN_CHANGE, WRONG_FACTOR
 from tuner.types.records import DataError, Record
 
 MIN_ZERO_SHARE = 0.3
@@ -53,14 +54,15 @@ MIN_ORDINATES, LEAST_BAND = 32, 8
 """Ordinates of the lowest white octave, and of the narrowest band below: fewer are low without the mean in any log."""
 
 
-def expect_noise(records: Sequence[Record]) -> None:
-    """Refuse records at rest whose noise was withheld or taken out.
+def expect_noise(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return records at rest, which say where rails make noise weaker; refuse noise that was withheld or taken out.
 
     Raises
     ------
     DataError
         Of a sensor with such axes: which, what was measured, and what to do.
     """
+    kept = []
     for record in records:
         other = f"; --columns {record.name}=none reads the other sensor alone" if len(records) > 1 else ""
         zones = {axis: zone for axis in record.axes if (zone := dead_zone(record.column(axis))) > 0.0}
@@ -80,11 +82,16 @@ def expect_noise(records: Sequence[Record]) -> None:
                 f"without fusion or threshold{other}"
             )
         ends = {axis: left for axis in record.axes if (left := left_by_rails(record.column(axis))) < 1.0}
-        if ends:
+        weaker = f"{digits(1.0 / min(ends.values()), 2)} times weaker than it is" if ends else ""
+        if min(ends.values(), default=1.0) * WRONG_FACTOR < 1.0:
             raise DataError(
                 f"{record.source}: {axes_text(list(ends))} lie at the end of their range so often that noise seems "
-                f"{digits(1.0 / min(ends.values()), 2)} times weaker than it is: record with a wider range{other}"
+                f"{weaker}: record with a wider range{other}"
             )
+        if min(ends.values(), default=1.0) * (1.0 + SHOWN_CHANGE) < 1.0:
+            ranged = f"{axes_text(list(ends))}, cut off at the end of the range: noise seems {weaker}"
+            record = replace(record, contradicted=(*record.contradicted, ranged))
+        kept.append(record)
         longest = {axis: max(record.pieces(axis), key=len, default=np.zeros(0)) for axis in record.axes}
         tried = [*((axis,) for axis in record.axes), record.axes]
         falls = {
@@ -99,6 +106,7 @@ def expect_noise(records: Sequence[Record]) -> None:
                 f"{digits(max(falls.values()), 2)} times weaker than the white noise above them, a high-pass, as where "
                 f"a program learns the bias at rest and subtracts it: record samples as the sensor gives them{other}"
             )
+    return tuple(kept)
 
 
 def dead_zone(y: FloatArray) -> float:
@@ -121,7 +129,7 @@ def dead_zone(y: FloatArray) -> float:
 
 
 def left_by_rails(y: FloatArray) -> float:
-    """Return the sd of normal samples of which as many lie at a rail as of y (n,), ÷ that without; 1 if not wrong."""
+    """Return the sd of normal samples of which as many lie at a rail as of y (n,), ÷ that without; 1 without rails."""
     for one in (y, -y):
         top = one.max()
         share, below = float(np.mean(one == top)), one[one < top]
@@ -134,7 +142,7 @@ def left_by_rails(y: FloatArray) -> float:
         left = math.sqrt(1.0 - share - rail * density + rail**2 * share - mean**2)
         further = int(np.count_nonzero(below < near))
         often = share * len(y) > np.count_nonzero(below == near)
-        if left * WRONG_FACTOR < 1.0 and often and 0.5**further < MAX_P_VALUE:
+        if often and 0.5**further < MAX_P_VALUE:
             return left
     return 1.0
 

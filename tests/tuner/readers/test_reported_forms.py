@@ -99,6 +99,22 @@ def test_names_without_values_are_said_to_be(tmp_path):
         read(tmp_path / "log.csv")
 
 
+def test_a_column_that_stands_twice_is_said_to(tmp_path, samples):
+    """Both rows of the table were measured, and equal to the last digit."""
+    gyro, accel = samples
+    accel = np.column_stack([accel[:, 0], accel[:, 0], accel[:, 2]])
+    rows = np.column_stack([np.arange(N) / RATE, gyro, accel])
+    header = (
+        "t [s],"
+        + ",".join(f"gyro_{x} [rad/s]" for x in "xyz")
+        + ","
+        + ",".join(f"accel_{x} [m/s^2]" for x in "xyz")
+    )
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
+    for record in read(tmp_path / "log.csv"):
+        assert record.contradicted == ("accel x y, one column twice: they agree sample for sample",)
+
+
 def test_a_file_without_numbers_is_told_from_one_whose_columns_do_not_match(tmp_path):
     """The last line that was looked at ended after its stamp: a row of one column, of missing values none."""
     (tmp_path / "log.csv").write_text(
