@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import functools
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import tuner
 from models import rotation
 from models.earth import llh_displaced
 from models.trajectory.catalogue import TRAJECTORIES
 from tuner.catalogue.grades import grade_identification, load_gnss, load_grade
+from tuner.cli import run
 from tuner.consistency import score_output
 from tuner.consistency.output_errors import output_errors
 from tuner.consistency.output_scores import error_scores
@@ -281,3 +284,33 @@ def test_the_row_behind_an_outage_is_not_its_end():
     )
     (longest,) = (one for one in found.consistency.outages if one.seconds == 30.0)
     assert longest.rms > 40.0
+
+
+def test_a_cause_that_makes_errors_larger_than_measured_is_not_named(tmp_path):
+    """Sds of positions halved: a bias of 0.36 deg/s was missing, which makes attitudes 190 times their errors."""
+    rng, t = np.random.default_rng(2), np.arange(1200.0)
+    north, east, down = -480.0 * np.cos(t / 40.0), 660.0 * np.sin(t / 55.0), -12.0 * np.cos(t / 60.0)
+    vn, ve, vd = 12.0 * np.sin(t / 40.0), 12.0 * np.cos(t / 55.0), 0.2 * np.sin(t / 60.0)
+    columns = ("t", "n", "e", "d", "vn", "ve", "vd", "roll", "pitch", "yaw")
+    yaw = np.degrees(np.arctan2(ve, vn))
+    truth = np.column_stack(
+        [t, north, east, down, vn, ve, vd, 2.0 * np.sin(t / 31.0), 3.0 * np.sin(t / 23.0), yaw]
+    )
+    sds = np.array([0.8, 0.8, 1.2, 0.05, 0.05, 0.05, 0.2, 0.2, 0.6])
+    errors = rng.standard_normal((len(t), 9)) * sds
+    for first, time in ((0, 8.0), (3, 6.0), (6, 20.0)):
+        keep = np.exp(-1.0 / time)
+        block = errors[:, first : first + 3]
+        errors[:, first : first + 3] = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], block, axis=0)
+    stated = np.tile(sds * np.repeat([0.5, 1.0, 1.0], 3), (len(t), 1))
+    files = {"truth": (columns, truth)}
+    files["output"] = (
+        (*columns, *(f"sd_{name}" for name in columns[1:])),
+        np.column_stack([truth + np.column_stack([0 * t, errors]), stated]),
+    )
+    for name, (header, rows) in files.items():
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=",".join(header), comments="")
+    command = ["score", "output.csv", "--truth", "truth.csv", "--json", "found.json", "--quiet"]
+    assert run([str(tmp_path / one) if one.endswith((".csv", ".json")) else one for one in command]) == 0
+    causes = json.loads((tmp_path / "found.json").read_text())["causes"]
+    assert "missing_state" not in [one["cause"] for one in causes]

@@ -30,6 +30,7 @@ from tuner.consistency.output_causes.hypotheses import SMALL_STEP, ScaleHypothes
 from tuner.consistency.output_causes.true_noise import TrueNoise
 from tuner.consistency.output_errors import OutputErrors
 from tuner.consistency.scores import EQUIVALENCE_MARGIN
+from tuner.limits import TOLERATED_RATIO
 from tuner.linear_run.best_size import best_size
 from tuner.linear_run.whitened_innovations import whiten
 from tuner.stages import counted
@@ -96,7 +97,7 @@ def explain(
     fixed: tuple[int, ...] = ()
     causes: list[OutputCause] = []
     while len(causes) < MAX_CAUSES:
-        fits = _candidates(models, base, fixed, known, scale_hypotheses(models[0], base))
+        fits = _candidates(pairs[0][0], models, base, fixed, known, scale_hypotheses(models[0], base))
         fits = _with_sensor_noise(
             fits, base, model, None if models[0].course.motion.of_body else sensor_noise
         )
@@ -131,6 +132,7 @@ def _with_sensor_noise(
 
 
 def _candidates(
+    run: OutputErrors,
     models: Sequence[ErrorModel],
     base: TrueNoise,
     fixed: tuple[int, ...],
@@ -154,7 +156,7 @@ def _candidates(
             found.append(fit)
     best: dict[str, _Fit] = {}
     for fit in sorted(found, key=lambda f: -f.cause.gain):
-        if fit.cause.cause not in best and (fit.numbers or _matters(models[0], base, fit.base)):
+        if fit.cause.cause not in best and (fit.numbers or _matters(run, models[0], base, fit.base)):
             best[fit.cause.cause] = fit
     return list(best.values())
 
@@ -257,9 +259,17 @@ def _fitted(
     return _Fit(cause, scale.true(base, best.size), ())
 
 
-def _matters(model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
-    """Tell whether other noise changes the rms errors of a block by more than the margin of the scores."""
-    before = model.variances(base).reshape(5, 3)
+def _matters(run: OutputErrors, model: ErrorModel, base: TrueNoise, true: TrueNoise) -> bool:
+    """Tell whether other noise changes the rms errors of a block by more than the margin of the scores.
+
+    Noise that would make errors of a block larger than measured, by more than `TOLERATED_RATIO`, is refuted.
+    """
+    stated, before, after = (model.variances(one).reshape(5, 3) for one in (TrueNoise(), base, true))
     blocks = before.min(axis=1) > 0.0  # filters in axes of the body have no biases
-    ratio = np.sqrt((model.variances(true).reshape(5, 3)[blocks] / before[blocks]).mean(axis=1))
-    return bool(np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
+    second = slice(len(run) // 2, None)
+    squares = run.error[second] ** 2 / np.einsum("kii->ki", run.covariance[second])
+    seen = [block[np.isfinite(block)] for block in np.split(squares, 5, axis=1)]
+    measured = np.array([np.sqrt(block.mean()) if len(block) else np.inf for block in seen])
+    of_stated, ratio = (np.sqrt((after[blocks] / one[blocks]).mean(axis=1)) for one in (stated, before))
+    possible = of_stated <= TOLERATED_RATIO * measured[blocks]
+    return bool(possible[:3].all() and np.abs(np.log(ratio)).max() > math.log(1.0 + EQUIVALENCE_MARGIN))
