@@ -79,7 +79,7 @@ def terms_found(diagnosis: Diagnosis) -> dict[str, tuple[str, ...]]:
 def noisier_stretches(diagnosis: Diagnosis, record: Record) -> list[tuple[float, float]]:
     """Return begin and end, s, of the bursts of an axis that make its white noise seem larger by `SHOWN_CHANGE`.
 
-    The quieter state is the noise of the sensor; that in a burst is advice beside the settings.
+    The quieter state is the noise of the sensor, unless bursts last most of the time; that in a burst is advice.
     """
     left = []
     for axis in record.axes:
@@ -92,7 +92,8 @@ def noisier_stretches(diagnosis: Diagnosis, record: Record) -> list[tuple[float,
         noisier = [
             (start, start + length, length * (ratio - 1.0)) for start, length, ratio in bursts if ratio > 1.0
         ]
-        if 1.0 + sum(more for *_, more in noisier) / record.span > (1.0 + SHOWN_CHANGE) ** 2:
+        rare = 2.0 * sum(end - start for start, end, _ in noisier) < record.span
+        if rare and 1.0 + sum(more for *_, more in noisier) / record.span > (1.0 + SHOWN_CHANGE) ** 2:
             left += [(start, end) for start, end, _ in noisier]
     return left
 

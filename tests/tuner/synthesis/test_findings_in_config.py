@@ -22,6 +22,7 @@ from tuner.synthesis import inflate, synthesize
 from tuner.synthesis.findings import (
     findings_for_config,
     judge_hidden,
+    noisier_stretches,
     settled_inflations,
     terms_found,
     with_notes_on_findings,
@@ -255,6 +256,15 @@ def test_noise_that_is_larger_for_a_third_of_a_log_is_not_the_noise_of_the_senso
     config = synthesize(found.identification)
     (told,) = settled_inflations(found.diagnosis, config, found.still)
     assert told.factor == pytest.approx(3.0, rel=0.05)
+
+
+def test_noise_that_is_larger_most_of_the_time_is_the_noise_of_the_sensor():
+    """A phone's gyro was left 20 s of six hours beside a burst over 100 % of the time."""
+    records, _ = identified()
+    span = records[0].span
+    for duration, left in ((0.4 * span, 1), (0.6 * span, 0)):
+        burst = finding("burst", start=0.0, duration=duration, variance_ratio=9.0)
+        assert len(noisier_stretches(Diagnosis((burst,)), records[0])) == left
 
 
 def test_a_log_that_moved_nearly_all_the_time_keeps_its_noise():

@@ -182,14 +182,13 @@ def _all(fitted: FittedChannel, local: LocalVariance, window: _Window) -> tuple[
 
 
 def _noisier(total: FloatArray, first: int, last: int) -> tuple[int, int]:
-    """Return the edges of a stretch, or of what lies beyond one that is quieter and begins or ends the record."""
+    """Return the edges of a stretch, or of what lies beyond one that is quieter for most of the time, to one end."""
     n = len(total) - 1
-    inside, all_of_it = (total[last] - total[first]) / (last - first), total[-1] / n
-    if inside < all_of_it and first < MIN_WINDOW < n - last:
+    if 2 * (last - first) <= n or (total[last] - total[first]) / (last - first) > total[-1] / n:
+        return first, last
+    if first < MIN_WINDOW < n - last:
         return last, n
-    if inside < all_of_it and n - last < MIN_WINDOW < first:
-        return 0, first
-    return first, last
+    return (0, first) if n - last < MIN_WINDOW < first else (first, last)
 
 
 def _beside(edges: tuple[int, int], others: list[tuple[int, int]]) -> tuple[int, int]:
