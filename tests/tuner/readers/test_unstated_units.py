@@ -113,7 +113,7 @@ def test_a_stated_unit_that_gravity_contradicts_is_refused(tmp_path: Path) -> No
     path = write(tmp_path / "log.csv", rows(accel=ACCEL / 9.80665), header)
     message = refused(
         path,
-        r"reads 0.9997 m/s\^2 at rest, 0.102 × gravity: the unit m/s\^2 is wrong by 9.81x, as g called m/s\^2: pass "
+        r"reads 0.9997 m/s\^2 at rest, 0.102 × gravity: the unit m/s\^2 is wrong by 9.81x, as g read as m/s\^2: pass "
         "--accel-unit g",
     )
     _, accel = read(path, **cure(message))  # type: ignore[arg-type]
